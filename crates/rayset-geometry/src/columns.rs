@@ -1,0 +1,302 @@
+//! Primitives stored as columns per kind, and the loops that test runs of them.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
+
+use crate::{Cone, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone, polygon, sphere, triangle};
+
+/// Primitives of all kinds, a structure of arrays for each kind.
+///
+/// Built once with [`PrimitiveColumns::push`], then tested by runs.
+/// Every column is padded, so that a load in lanes that starts at the last value stays inside.
+#[derive(Clone, Debug)]
+pub struct PrimitiveColumns {
+    /// x, y, z, radius.
+    spheres: [Vec<f64>; 4],
+    /// Coordinate `k` of vertex `v` is column `3 v + k`.
+    triangles: [Vec<f64>; 9],
+    cones: [Vec<f64>; cone::PARAMETERS],
+    /// x, y, z of all vertices; each polygon's first vertex stands once more after its last.
+    polygon_vertices: [Vec<f64>; 3],
+    /// Where each polygon's vertices start, and one past the end of the last.
+    polygon_starts: Vec<u32>,
+    polygon_normals: Vec<DVec3>,
+}
+
+/// A range of primitives of one kind, all visible from the same sides.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ColumnRun {
+    /// The kind.
+    pub kind: PrimitiveKind,
+    /// From which sides they can be hit.
+    pub sides: Sides,
+    /// The indices in the columns of that kind.
+    pub range: Range<u32>,
+}
+
+/// The primitive that a ray leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Departure {
+    /// Its kind.
+    pub kind: PrimitiveKind,
+    /// Its index in the columns of that kind.
+    pub index: u32,
+    /// The side into which the ray leaves.
+    pub side: Side,
+}
+
+/// A hit in a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColumnHit {
+    /// The distance along the ray, in world units.
+    pub t: f64,
+    /// The index in the columns of the run's kind.
+    pub index: u32,
+}
+
+/// The lanes whose front, or back, may be hit: by visibility, and by where the ray left.
+#[derive(Clone, Copy)]
+pub(crate) struct Allowed<S: Simd> {
+    pub(crate) front: <S::F64 as Lanes>::Mask,
+    pub(crate) back: <S::F64 as Lanes>::Mask,
+}
+
+fn padded<const N: usize>() -> [Vec<f64>; N] {
+    std::array::from_fn(|_| vec![0.0; MAX_LANES])
+}
+
+/// Adds a value before the padding.
+fn push_padded(column: &mut Vec<f64>, value: f64) {
+    let end = column.len() - MAX_LANES;
+    column[end] = value;
+    column.push(0.0);
+}
+
+fn index_of(len: usize) -> u32 {
+    u32::try_from(len).expect("at most 2^32 primitives of a kind")
+}
+
+impl Default for PrimitiveColumns {
+    fn default() -> Self {
+        Self {
+            spheres: padded(),
+            triangles: padded(),
+            cones: padded(),
+            polygon_vertices: padded(),
+            polygon_starts: vec![0],
+            polygon_normals: Vec::new(),
+        }
+    }
+}
+
+impl PrimitiveColumns {
+    /// Appends a primitive; returns the run of it alone.
+    ///
+    /// # Panics
+    ///
+    /// If there are 2^32 of its kind, or of polygon vertices, already.
+    pub fn push(&mut self, primitive: &Primitive, sides: Sides) -> ColumnRun {
+        let kind = primitive.kind();
+        let index = index_of(self.len(kind));
+        match primitive {
+            Primitive::Sphere(sphere) => {
+                let [x, y, z] = sphere.center().to_array();
+                push_all(&mut self.spheres, [x, y, z, sphere.radius()]);
+            }
+            Primitive::Triangle(triangle) => {
+                let [a, b, c] = triangle.vertices().map(|vertex| vertex.to_array());
+                push_all(&mut self.triangles, [a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]]);
+            }
+            Primitive::Cone(cone) => push_all(&mut self.cones, cone.parameters()),
+            Primitive::Polygon(polygon) => {
+                for vertex in polygon.vertices().iter().chain(&polygon.vertices()[..1]) {
+                    push_all(&mut self.polygon_vertices, vertex.to_array());
+                }
+                self.polygon_starts.push(index_of(self.polygon_vertices[0].len() - MAX_LANES));
+                self.polygon_normals.push(polygon.normal());
+            }
+        }
+        ColumnRun { kind, sides, range: index..index + 1 }
+    }
+
+    /// How many primitives of a kind there are.
+    #[must_use]
+    pub fn len(&self, kind: PrimitiveKind) -> usize {
+        match kind {
+            PrimitiveKind::Sphere => self.spheres[0].len() - MAX_LANES,
+            PrimitiveKind::Triangle => self.triangles[0].len() - MAX_LANES,
+            PrimitiveKind::Cone => self.cones[0].len() - MAX_LANES,
+            PrimitiveKind::Polygon => self.polygon_normals.len(),
+        }
+    }
+
+    /// Whether there is any triangle or polygon: whether a [`Probe`] must prepare for them.
+    #[must_use]
+    pub fn is_flat(&self) -> bool {
+        self.len(PrimitiveKind::Triangle) + self.len(PrimitiveKind::Polygon) > 0
+    }
+
+    /// The unit normal of the front of a primitive, at a point of it.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    #[must_use]
+    pub fn normal_at(&self, kind: PrimitiveKind, index: u32, point: DVec3) -> DVec3 {
+        let i = index as usize;
+        match kind {
+            PrimitiveKind::Sphere => self.sphere(i).normal_at(point),
+            PrimitiveKind::Triangle => self.triangle(index).normal(),
+            PrimitiveKind::Polygon => self.polygon_normals[i],
+            PrimitiveKind::Cone => {
+                let at = |k: usize| DVec3::new(self.cones[k][i], self.cones[k + 1][i], self.cones[k + 2][i]);
+                Cone::outward(at(0), at(3), self.cones[8][i], point)
+            }
+        }
+    }
+
+    /// A triangle.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such triangle.
+    #[must_use]
+    pub fn triangle(&self, index: u32) -> Triangle {
+        let i = index as usize;
+        let vertex = |v: usize| DVec3::from_array(std::array::from_fn(|k| self.triangles[3 * v + k][i]));
+        Triangle::new(vertex(0), vertex(1), vertex(2))
+    }
+
+    fn sphere(&self, i: usize) -> Sphere {
+        let [x, y, z, radius] = &self.spheres;
+        Sphere::new(DVec3::new(x[i], y[i], z[i]), radius[i])
+    }
+
+    /// The nearest hit of a run, of equally near ones the one of least index.
+    #[must_use]
+    #[inline(always)]
+    pub fn nearest<S: Simd>(
+        &self,
+        probe: &Probe<S>,
+        run: &ColumnRun,
+        departure: Option<Departure>,
+    ) -> Option<ColumnHit> {
+        let mut nearest: Option<ColumnHit> = None;
+        self.each_hit(probe, run, departure, |hit| {
+            if nearest.is_none_or(|nearest| hit.t < nearest.t) {
+                nearest = Some(hit);
+            }
+            true
+        });
+        nearest
+    }
+
+    /// The hit of least index in a run, whatever its distance.
+    #[must_use]
+    #[inline(always)]
+    pub fn any<S: Simd>(
+        &self,
+        probe: &Probe<S>,
+        run: &ColumnRun,
+        departure: Option<Departure>,
+    ) -> Option<ColumnHit> {
+        let mut any = None;
+        self.each_hit(probe, run, departure, |hit| {
+            any = Some(hit);
+            false
+        });
+        any
+    }
+
+    /// Calls `visit` with the hits of a run in increasing index order until it says stop.
+    #[inline(always)]
+    fn each_hit<S: Simd>(
+        &self,
+        probe: &Probe<S>,
+        run: &ColumnRun,
+        departure: Option<Departure>,
+        mut visit: impl FnMut(ColumnHit) -> bool,
+    ) {
+        let departure = departure.filter(|d| d.kind == run.kind && run.range.contains(&d.index));
+        let (start, end) = (run.range.start as usize, run.range.end as usize);
+        if run.kind == PrimitiveKind::Polygon {
+            // The lanes run over a polygon's edges: one polygon at a time.
+            for i in run.range.clone() {
+                // A plane is never met again by a ray that leaves it.
+                if departure.is_none_or(|d| d.index != i)
+                    && let Some((side, t)) = self.intersect_polygon(probe, i as usize)
+                    && run.sides.include(side)
+                    && probe.span.contains(t)
+                    && !visit(ColumnHit { t, index: i })
+                {
+                    return;
+                }
+            }
+            return;
+        }
+        for i in (start..end).step_by(S::F64::LANES) {
+            let allowed = Allowed::of(probe.simd, run.sides, departure, i);
+            let (hits, t) = match run.kind {
+                PrimitiveKind::Sphere => {
+                    let [x, y, z, radius] = self.spheres.each_ref().map(|c| probe.simd.load_f64(&c[i..]));
+                    sphere::intersect(probe, [x, y, z], radius, allowed)
+                }
+                PrimitiveKind::Triangle => {
+                    let axes = probe.shear.axes;
+                    let vertex = |v: usize| axes.map(|k| probe.simd.load_f64(&self.triangles[3 * v + k][i..]));
+                    triangle::intersect(probe, [vertex(0), vertex(1), vertex(2)], allowed)
+                }
+                _ => {
+                    let parameters = self.cones.each_ref().map(|c| probe.simd.load_f64(&c[i..]));
+                    cone::intersect(probe, parameters, allowed)
+                }
+            };
+            let real = (1_u32 << (end - i).min(S::F64::LANES)) - 1;
+            let mut bits = hits.bits() & real;
+            while bits != 0 {
+                let lane = bits.trailing_zeros();
+                bits &= bits - 1;
+                let hit = ColumnHit { t: t.lane(lane as usize), index: index_of(i) + lane };
+                if !visit(hit) {
+                    return;
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn intersect_polygon<S: Simd>(&self, probe: &Probe<S>, i: usize) -> Option<(Side, f64)> {
+        let (start, next) = (self.polygon_starts[i] as usize, self.polygon_starts[i + 1] as usize);
+        let load = |i: usize| self.polygon_vertices.each_ref().map(|c| probe.simd.load_f64(&c[start + i..]));
+        polygon::intersect(probe, load, next - start - 1, self.polygon_normals[i])
+    }
+}
+
+impl<S: Simd> Allowed<S> {
+    /// What may be hit in the lanes of primitives `i`, `i + 1`, ...
+    #[inline(always)]
+    pub(crate) fn of(simd: S, sides: Sides, departure: Option<Departure>, i: usize) -> Self {
+        let (all, none) = (simd.mask_f64(u32::MAX), simd.mask_f64(0));
+        let visible = |side: Side| if sides.include(side) { all } else { none };
+        let (front, back) = (visible(Side::Front), visible(Side::Back));
+        if let Some(departure) = departure
+            && let Some(lane) = (departure.index as usize).checked_sub(i)
+            && lane < S::F64::LANES
+        {
+            let left = simd.mask_f64(1 << lane);
+            // A ray that leaves a plane or the outside of a convex surface never meets it again; one that leaves
+            // into the inside of a convex surface meets its back, where it comes out, but its front no more.
+            let inwards = departure.side == Side::Back && departure.kind != PrimitiveKind::Triangle;
+            return Self { front: front & !left, back: if inwards { back } else { back & !left } };
+        }
+        Self { front, back }
+    }
+}
+
+fn push_all<const N: usize>(columns: &mut [Vec<f64>; N], values: [f64; N]) {
+    for (column, value) in columns.iter_mut().zip(values) {
+        push_padded(column, value);
+    }
+}

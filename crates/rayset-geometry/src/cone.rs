@@ -1,0 +1,258 @@
+//! Cylinders and cones without caps.
+
+use glam::DVec3;
+use rayset_simd::{Lanes, Simd};
+
+use crate::columns::Allowed;
+use crate::{BoundingSphere, Probe, enclosing_sphere};
+
+/// How far beyond the bounding sphere of a cone a hit may lie, relative to its radius: rounding of ill-conditioned
+/// roots, generously. Derived in `docs/numerics.md`.
+const CONTAINMENT_MARGIN: f64 = 1.0 / (1_u64 << 40) as f64;
+
+/// The curved side of a truncated cone or, with equal radii, of a cylinder; in world space, open at both ends.
+///
+/// Its front is its outside. (The container of the paper is [`crate::Cylinder`].)
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    base: DVec3,
+    base_radius: f64,
+    apex: DVec3,
+    apex_radius: f64,
+    axis: DVec3,
+    height: f64,
+    slope: f64,
+    bounds: BoundingSphere,
+}
+
+impl Cone {
+    /// A cone from a circle round `base` to one round `apex`; either radius may be zero, but not both.
+    ///
+    /// `None` if the ends coincide, both radii are zero, one is negative, or anything is not finite.
+    #[must_use]
+    pub fn new(base: DVec3, base_radius: f64, apex: DVec3, apex_radius: f64) -> Option<Self> {
+        let radii_are_valid = base_radius >= 0.0 && apex_radius >= 0.0 && base_radius + apex_radius > 0.0;
+        if !radii_are_valid || !(base_radius + apex_radius).is_finite() {
+            return None;
+        }
+        let axis = crate::unit(apex - base)?;
+        let height = (apex - base).length();
+        let slope = (apex_radius - base_radius) / height;
+        if !(slope.is_finite() && height > 0.0) {
+            return None;
+        }
+        let mut cone = Self {
+            base,
+            base_radius,
+            apex,
+            apex_radius,
+            axis,
+            height,
+            slope,
+            bounds: BoundingSphere { center: base, radius: 0.0 },
+        };
+        let bounds = enclosing_sphere(&[cone.into()]);
+        cone.bounds = BoundingSphere { radius: bounds.radius * (1.0 + CONTAINMENT_MARGIN), ..bounds };
+        Some(cone)
+    }
+
+    /// The centre of the first circle, in world space.
+    #[must_use]
+    pub fn base(&self) -> DVec3 {
+        self.base
+    }
+
+    /// The radius of the first circle, in world units.
+    #[must_use]
+    pub fn base_radius(&self) -> f64 {
+        self.base_radius
+    }
+
+    /// The centre of the last circle, in world space.
+    #[must_use]
+    pub fn apex(&self) -> DVec3 {
+        self.apex
+    }
+
+    /// The radius of the last circle, in world units.
+    #[must_use]
+    pub fn apex_radius(&self) -> f64 {
+        self.apex_radius
+    }
+
+    /// The unit vector from base to apex.
+    #[must_use]
+    pub fn axis(&self) -> DVec3 {
+        self.axis
+    }
+
+    /// The outward unit normal at a point of the surface; along the axis at a pointed apex, where none is defined.
+    #[must_use]
+    pub fn normal_at(&self, point: DVec3) -> DVec3 {
+        Self::outward(self.base, self.axis, self.slope, point)
+    }
+
+    /// The outward unit normal of the infinite cone through a point.
+    pub(crate) fn outward(base: DVec3, axis: DVec3, slope: f64, point: DVec3) -> DVec3 {
+        let along = (point - base).dot(axis);
+        match crate::unit((point - base) - along * axis) {
+            Some(outward) => crate::unit(outward - slope * axis).unwrap_or(outward),
+            None => axis,
+        }
+    }
+
+    /// A sphere that holds every hit, the rounding of its distance included.
+    #[must_use]
+    pub fn bounding_sphere(&self) -> BoundingSphere {
+        self.bounds
+    }
+
+    /// Base, axis, height, base radius, slope, centre and radius of the bounds: what [`intersect`] reads.
+    pub(crate) fn parameters(&self) -> [f64; PARAMETERS] {
+        let ([bx, by, bz], [ax, ay, az]) = (self.base.to_array(), self.axis.to_array());
+        let [cx, cy, cz] = self.bounds.center.to_array();
+        [bx, by, bz, ax, ay, az, self.height, self.base_radius, self.slope, cx, cy, cz, self.bounds.radius]
+    }
+}
+
+/// How many numbers describe a cone to [`intersect`].
+pub(crate) const PARAMETERS: usize = 13;
+
+/// Where a ray meets cones, a lane each: the lanes that are hit, and `t`.
+///
+/// From `o'`, the point of the ray nearest to the base, with `q = o' - base`, `p` the parts perpendicular to the
+/// axis and `m` the height along it, a point of the infinite cone satisfies `|p|^2 = (r + k m)^2`, so
+/// `A t^2 + 2 B t + C = 0` with `A = |d_p|^2 - (k d_m)^2`, `B = q_p . d_p - k d_m (r + k q_m)`,
+/// `C = |q_p|^2 - (r + k q_m)^2`. At a root `A t + B` is half the derivative, so the root with `-sqrt(B^2 - A C)`
+/// always meets the front and the other the back. A hit lies between the two circles, where the radius is not
+/// negative, and within the cone's own bounding sphere: near-parallel rays make roots no bound can be derived for.
+#[inline(always)]
+pub(crate) fn intersect<S: Simd>(
+    probe: &Probe<S>,
+    parameters: [S::F64; PARAMETERS],
+    allowed: Allowed<S>,
+) -> (<S::F64 as Lanes>::Mask, S::F64) {
+    let simd = probe.simd;
+    let zero = simd.splat_f64(0.0);
+    let (o, d) = (probe.lanes.origin, probe.lanes.direction);
+    let [bx, by, bz, ax, ay, az, height, base_radius, slope, cx, cy, cz, bound] = parameters;
+    let dot = |a: [S::F64; 3], b: [S::F64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let axis = [ax, ay, az];
+    let to_base = [bx - o[0], by - o[1], bz - o[2]];
+    let nearest = dot(to_base, d);
+    let q = [nearest * d[0] - to_base[0], nearest * d[1] - to_base[1], nearest * d[2] - to_base[2]];
+    let (q_m, d_m) = (dot(q, axis), dot(d, axis));
+    let q_p = [q[0] - q_m * ax, q[1] - q_m * ay, q[2] - q_m * az];
+    let d_p = [d[0] - d_m * ax, d[1] - d_m * ay, d[2] - d_m * az];
+    let radius = base_radius + slope * q_m;
+    let narrowing = slope * d_m;
+    let a = dot(d_p, d_p) - narrowing * narrowing;
+    let b = dot(q_p, d_p) - narrowing * radius;
+    let c = dot(q_p, q_p) - radius * radius;
+    let discriminant = b * b - a * c;
+    let real = discriminant.ge(zero);
+    let root = discriminant.sqrt();
+    // The sum without cancellation gives one root, Vieta's product the other.
+    let b_positive = b.gt(zero);
+    let sum = (-(b + root)).select(b_positive, root - b);
+    let (by_sum, by_product) = (sum / a, c / sum);
+    let front = by_sum.select(b_positive, by_product);
+    let back = by_product.select(b_positive, by_sum);
+    let limit = bound + nearest.abs() * simd.splat_f64(CONTAINMENT_MARGIN * (1.0 / 256.0));
+    let on_surface = |t: S::F64| {
+        let m = q_m + t * d_m;
+        let from_center = [q[0] + t * d[0] + (bx - cx), q[1] + t * d[1] + (by - cy), q[2] + t * d[2] + (bz - cz)];
+        m.ge(zero)
+            & m.le(height)
+            & (base_radius + slope * m).ge(zero)
+            & dot(from_center, from_center).le(limit * limit)
+    };
+    let (front_t, back_t) = (nearest + front, nearest + back);
+    let front_hit = real & allowed.front & on_surface(front) & probe.in_span(front_t);
+    let back_hit = real & allowed.back & on_surface(back) & probe.in_span(back_t);
+    // The front root is the nearer one except on the mirror cone, which never counts; still, take the least.
+    let first = front_hit & !(back_hit & back_t.lt(front_t));
+    (front_hit | back_hit, front_t.select(first, back_t))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::dvec3;
+
+    use super::*;
+    use crate::{Primitive, Ray, Side, Sides, Span};
+
+    fn cylinder() -> Primitive {
+        Cone::new(DVec3::ZERO, 1.0, dvec3(0.0, 0.0, 2.0), 1.0).unwrap().into()
+    }
+
+    fn cone() -> Primitive {
+        Cone::new(DVec3::ZERO, 2.0, dvec3(0.0, 0.0, 2.0), 0.0).unwrap().into()
+    }
+
+    fn hit(primitive: &Primitive, origin: DVec3, direction: DVec3, sides: Sides) -> Option<f64> {
+        let ray = Ray::between(origin, origin + direction).unwrap();
+        primitive.intersect(&ray, Span::FORWARD, sides, None)
+    }
+
+    #[test]
+    fn cylinder_is_hit_outside_and_inside() {
+        let origin = dvec3(-3.0, 0.0, 1.0);
+        assert_eq!(hit(&cylinder(), origin, DVec3::X, Sides::Both), Some(2.0));
+        assert_eq!(hit(&cylinder(), origin, DVec3::X, Sides::Front), Some(2.0));
+        assert_eq!(hit(&cylinder(), origin, DVec3::X, Sides::Back), Some(4.0));
+        assert_eq!(hit(&cylinder(), dvec3(0.0, 0.0, 1.0), DVec3::Y, Sides::Both), Some(1.0));
+    }
+
+    #[test]
+    fn open_ends_let_rays_through() {
+        assert_eq!(hit(&cylinder(), dvec3(0.5, 0.0, -1.0), DVec3::Z, Sides::Both), None);
+        assert_eq!(hit(&cylinder(), dvec3(-3.0, 0.0, 2.5), DVec3::X, Sides::Both), None);
+        // Through the open end, then the inner wall: x grows by 1 while z grows by 1.
+        let t = hit(&cylinder(), dvec3(0.0, 0.0, -0.5), dvec3(1.0, 0.0, 1.0), Sides::Both).unwrap();
+        assert!((t - 2.0_f64.sqrt()).abs() < 1e-14, "{t}");
+        assert_eq!(hit(&cylinder(), dvec3(0.0, 0.0, -0.5), dvec3(1.0, 0.0, 1.0), Sides::Front), None);
+    }
+
+    #[test]
+    fn cone_narrows_towards_its_apex() {
+        assert_eq!(hit(&cone(), dvec3(-5.0, 0.0, 1.0), DVec3::X, Sides::Both), Some(4.0));
+        // The mirror cone beyond the apex does not count.
+        assert_eq!(hit(&cone(), dvec3(-5.0, 0.0, 3.0), DVec3::X, Sides::Both), None);
+        // Along the axis through the apex only the point itself is met, from outside.
+        assert_eq!(hit(&cone(), dvec3(0.5, 0.0, 5.0), -DVec3::Z, Sides::Both), Some(3.5));
+    }
+
+    #[test]
+    fn ray_parallel_to_a_generator_hits_once() {
+        // The generator from (2, 0, 0) to (0, 0, 2); the ray runs parallel to it through the axis at z = 1.
+        let t = hit(&cone(), dvec3(2.0, 0.0, -1.0), dvec3(-1.0, 0.0, 1.0), Sides::Both).unwrap();
+        let point = dvec3(2.0, 0.0, -1.0) + t * 0.5_f64.sqrt() * dvec3(-1.0, 0.0, 1.0);
+        assert!((point.x.abs() - (2.0 - point.z)).abs() < 1e-12, "{point}");
+        assert!(point.x < 0.0, "{point} lies on the opposite wall");
+    }
+
+    #[test]
+    fn ray_that_leaves_outwards_never_returns() {
+        let ray = Ray::between(dvec3(-1.0, 0.0, 1.0), dvec3(-1.0, 5.0, 1.0)).unwrap();
+        assert_eq!(cylinder().intersect(&ray, Span::FORWARD, Sides::Both, Some(Side::Front)), None);
+        let inwards = Ray::new(dvec3(-1.0 - 1e-15, 0.0, 1.0), DVec3::X);
+        let t = cylinder().intersect(&inwards, Span::FORWARD, Sides::Both, Some(Side::Back)).unwrap();
+        assert!((t - 2.0).abs() < 1e-12, "{t}");
+    }
+
+    #[test]
+    fn invalid_cones_are_refused() {
+        assert_eq!(Cone::new(DVec3::ZERO, 1.0, DVec3::ZERO, 1.0), None);
+        assert_eq!(Cone::new(DVec3::ZERO, 0.0, DVec3::Z, 0.0), None);
+        assert_eq!(Cone::new(DVec3::ZERO, -1.0, DVec3::Z, 2.0), None);
+        assert_eq!(Cone::new(DVec3::ZERO, f64::NAN, DVec3::Z, 2.0), None);
+    }
+
+    #[test]
+    fn normals_point_outwards() {
+        let Primitive::Cone(cone) = cone() else { unreachable!() };
+        let normal = cone.normal_at(dvec3(1.0, 0.0, 1.0));
+        assert!((normal - dvec3(1.0, 0.0, 1.0).normalize()).length() < 1e-15, "{normal}");
+    }
+}

@@ -1,0 +1,97 @@
+//! One ray prepared for testing many primitives in lanes.
+
+use rayset_simd::Simd;
+
+use crate::{Ray, Span};
+
+/// A ray spread over the lanes of a backend.
+#[derive(Clone, Copy, Debug)]
+pub struct RayLanes<S: Simd> {
+    /// The x, y and z of the origin.
+    pub origin: [S::F64; 3],
+    /// The x, y and z of the direction.
+    pub direction: [S::F64; 3],
+}
+
+impl<S: Simd> RayLanes<S> {
+    /// The same ray in every lane.
+    #[must_use]
+    #[inline(always)]
+    pub fn splat(simd: S, ray: &Ray) -> Self {
+        Self {
+            origin: ray.origin().to_array().map(|value| simd.splat_f64(value)),
+            direction: ray.direction().to_array().map(|value| simd.splat_f64(value)),
+        }
+    }
+}
+
+/// The shear that turns a ray into the z axis: `x' = x - (d_x / d_z) z`, `y' = y - (d_y / d_z) z`, `z' = z / d_z`.
+///
+/// The z axis here is the dominant one of the direction; the other two follow it so that a triangle seen
+/// counterclockwise stays so. A vertex is sheared the same way whichever primitive it belongs to: that is why
+/// primitives that share a vertex or an edge agree on which of them a ray passes through.
+///
+/// Source: Woop, Benthin, Wald 2013, "Watertight ray/triangle intersection", section 3.1.
+#[derive(Clone, Copy, Debug)]
+pub struct Shear {
+    /// Which world axes play x, y and z.
+    pub axes: [usize; 3],
+    /// `d_x / d_z`, `d_y / d_z` and `1 / d_z`.
+    pub factors: [f64; 3],
+}
+
+impl Shear {
+    /// The shear of a ray's direction.
+    #[must_use]
+    #[inline]
+    pub fn of(ray: &Ray) -> Self {
+        let d = ray.direction().to_array();
+        let size = d.map(f64::abs);
+        let z = if size[0] > size[1] {
+            if size[0] > size[2] { 0 } else { 2 }
+        } else if size[1] > size[2] {
+            1
+        } else {
+            2
+        };
+        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
+        if d[z] < 0.0 {
+            // A mirrored z axis would turn the triangles round.
+            std::mem::swap(&mut x, &mut y);
+        }
+        Self { axes: [x, y, z], factors: [d[x] / d[z], d[y] / d[z], 1.0 / d[z]] }
+    }
+}
+
+/// One ray and its span, prepared for testing columns of primitives.
+#[derive(Clone, Copy, Debug)]
+pub struct Probe<S: Simd> {
+    pub(crate) simd: S,
+    pub(crate) ray: Ray,
+    pub(crate) span: Span,
+    pub(crate) lanes: RayLanes<S>,
+    pub(crate) shear: Shear,
+}
+
+impl<S: Simd> Probe<S> {
+    /// Prepares a ray; `flat` says whether triangles or polygons will be tested.
+    #[must_use]
+    #[inline(always)]
+    pub fn new(simd: S, ray: &Ray, span: Span, flat: bool) -> Self {
+        let shear = if flat { Shear::of(ray) } else { Shear { axes: [0, 1, 2], factors: [0.0; 3] } };
+        Self { simd, ray: *ray, span, lanes: RayLanes::splat(simd, ray), shear }
+    }
+
+    /// The ray.
+    #[must_use]
+    pub fn ray(&self) -> &Ray {
+        &self.ray
+    }
+
+    /// The lanes in which `t` lies in the span.
+    #[inline(always)]
+    pub(crate) fn in_span(&self, t: S::F64) -> <S::F64 as rayset_simd::Lanes>::Mask {
+        use rayset_simd::Lanes;
+        t.gt(self.simd.splat_f64(self.span.start)) & t.lt(self.simd.splat_f64(self.span.end))
+    }
+}

@@ -1,0 +1,133 @@
+//! What a backend offers: lanes, masks over lanes, and the token that makes them.
+
+use std::fmt::Debug;
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+
+/// An upper bound on [`Lanes::LANES`] of any backend, for both widths.
+///
+/// Columns that are read in lanes are padded by this many values, so that the last load stays inside.
+pub const MAX_LANES: usize = 16;
+
+/// One truth value a lane.
+pub trait LaneMask:
+    Copy + Debug + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self> + Send + Sync + 'static
+{
+    /// The lanes as bits: lane `i` is bit `i`; the bits above are zero.
+    #[must_use]
+    fn bits(self) -> u32;
+
+    /// Whether any lane is set.
+    #[must_use]
+    #[inline(always)]
+    fn any(self) -> bool {
+        self.bits() != 0
+    }
+}
+
+/// Several numbers that go through the same operation at the same time.
+///
+/// Every operation rounds each lane as the scalar operation of IEEE 754 does; none is fused.
+pub trait Lanes:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Send
+    + Sync
+    + 'static
+{
+    /// The number in a lane: `f32` or `f64`.
+    type Scalar: Copy;
+    /// The result of a comparison.
+    type Mask: LaneMask;
+    /// How many lanes there are.
+    const LANES: usize;
+
+    /// The number in lane `i`.
+    ///
+    /// # Panics
+    ///
+    /// If `i` is not below [`Lanes::LANES`].
+    #[must_use]
+    fn lane(self, i: usize) -> Self::Scalar;
+    /// Writes all lanes to the front of `out`.
+    ///
+    /// # Panics
+    ///
+    /// If `out` is shorter than [`Lanes::LANES`].
+    fn store(self, out: &mut [Self::Scalar]);
+    /// The square root, correctly rounded.
+    #[must_use]
+    fn sqrt(self) -> Self;
+    /// The absolute value; clears the sign bit, of NaN and -0.0 too.
+    #[must_use]
+    fn abs(self) -> Self;
+    /// `a < b ? a : b` a lane: `other` where either is NaN, and where they compare equal.
+    #[must_use]
+    fn min(self, other: Self) -> Self;
+    /// `a > b ? a : b` a lane: `other` where either is NaN, and where they compare equal.
+    #[must_use]
+    fn max(self, other: Self) -> Self;
+    /// `self < other`, false where either is NaN.
+    #[must_use]
+    fn lt(self, other: Self) -> Self::Mask;
+    /// `self <= other`, false where either is NaN.
+    #[must_use]
+    fn le(self, other: Self) -> Self::Mask;
+    /// `self > other`, false where either is NaN.
+    #[must_use]
+    #[inline(always)]
+    fn gt(self, other: Self) -> Self::Mask {
+        other.lt(self)
+    }
+    /// `self >= other`, false where either is NaN.
+    #[must_use]
+    #[inline(always)]
+    fn ge(self, other: Self) -> Self::Mask {
+        other.le(self)
+    }
+    /// `self == other`, false where either is NaN; -0.0 equals 0.0.
+    #[must_use]
+    fn eq(self, other: Self) -> Self::Mask;
+    /// `self` where `mask` is set, `other` elsewhere; bits are copied.
+    #[must_use]
+    fn select(self, mask: Self::Mask, other: Self) -> Self;
+}
+
+/// A backend's token: the only way to make lanes, so lanes exist only where the machine has them.
+pub trait Simd: Copy + Debug + Send + Sync + 'static {
+    /// Lanes of double precision: what decides.
+    type F64: Lanes<Scalar = f64>;
+    /// Lanes of single precision: what may cull.
+    type F32: Lanes<Scalar = f32>;
+
+    /// `value` in every lane.
+    #[must_use]
+    fn splat_f64(self, value: f64) -> Self::F64;
+    /// The first [`Lanes::LANES`] values.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer.
+    #[must_use]
+    fn load_f64(self, values: &[f64]) -> Self::F64;
+    /// The mask whose lane `i` is bit `i`; higher bits are ignored.
+    #[must_use]
+    fn mask_f64(self, bits: u32) -> <Self::F64 as Lanes>::Mask;
+    /// `value` in every lane.
+    #[must_use]
+    fn splat_f32(self, value: f32) -> Self::F32;
+    /// The first [`Lanes::LANES`] values.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer.
+    #[must_use]
+    fn load_f32(self, values: &[f32]) -> Self::F32;
+    /// The mask whose lane `i` is bit `i`; higher bits are ignored.
+    #[must_use]
+    fn mask_f32(self, bits: u32) -> <Self::F32 as Lanes>::Mask;
+}

@@ -1,0 +1,37 @@
+//! Lanes of `f32` and `f64` with the same bits on every backend.
+//!
+//! A kernel is written once, generic over [`Simd`], and run on a [`Backend`] that is chosen at run time,
+//! once for a whole list of rays.
+//! Every operation of [`Lanes`] is one IEEE 754 operation a lane: no lane is fused, approximate or
+//! reassociated, so a kernel gives the bits of its [`Scalar`] run on any backend.
+//!
+//! ```
+//! use rayset_simd::{Backend, Kernel, Lanes, Simd};
+//!
+//! /// The squared lengths of many two-dimensional vectors.
+//! struct SquaredLengths<'a> { x: &'a [f64], y: &'a [f64], out: &'a mut [f64] }
+//!
+//! impl Kernel for SquaredLengths<'_> {
+//!     type Output = ();
+//!     fn run<S: Simd>(self, simd: S) {
+//!         for i in (0..self.x.len()).step_by(S::F64::LANES) {
+//!             let (x, y) = (simd.load_f64(&self.x[i..]), simd.load_f64(&self.y[i..]));
+//!             (x * x + y * y).store(&mut self.out[i..]);
+//!         }
+//!     }
+//! }
+//!
+//! let mut out = [0.0; 8];
+//! Backend::active().run(SquaredLengths { x: &[3.0; 8], y: &[4.0; 8], out: &mut out });
+//! assert_eq!(out, [25.0; 8]);
+//! ```
+
+mod backend;
+mod lanes;
+mod portable;
+mod scalar;
+
+pub use backend::{Backend, Kernel, UnknownBackend};
+pub use lanes::{LaneMask, Lanes, MAX_LANES, Simd};
+pub use portable::{F32x8, F64x4, M32x8, M64x4, Portable};
+pub use scalar::Scalar;

@@ -1,0 +1,178 @@
+//! Arrays of lanes in safe Rust, which the compiler turns into whatever vectors the target has.
+
+use std::array::from_fn;
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+
+use crate::{LaneMask, Lanes, Simd};
+
+/// The backend of plain arrays: four `f64` or eight `f32`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Portable;
+
+macro_rules! array_lanes {
+    ($lanes:ident, $mask:ident, $scalar:ident, $bits:ident, $n:literal, $align:literal) => {
+        #[doc = concat!("An array of ", stringify!($n), " `", stringify!($scalar), "` lanes.")]
+        #[derive(Clone, Copy, Debug)]
+        #[repr(C, align($align))]
+        pub struct $lanes([$scalar; $n]);
+
+        #[doc = concat!("A mask over [`", stringify!($lanes), "`]: all bits of a set lane are ones.")]
+        #[derive(Clone, Copy, Debug)]
+        #[repr(C, align($align))]
+        pub struct $mask([$bits; $n]);
+
+        impl $mask {
+            #[inline(always)]
+            fn of(lane: impl Fn(usize) -> bool) -> Self {
+                Self(from_fn(|i| if lane(i) { $bits::MAX } else { 0 }))
+            }
+        }
+
+        impl LaneMask for $mask {
+            #[inline(always)]
+            fn bits(self) -> u32 {
+                let mut bits = 0;
+                for i in 0..$n {
+                    bits |= u32::from(self.0[i] != 0) << i;
+                }
+                bits
+            }
+            #[inline(always)]
+            fn any(self) -> bool {
+                self.0.iter().fold(0, |all, lane| all | lane) != 0
+            }
+        }
+
+        impl BitAnd for $mask {
+            type Output = Self;
+            #[inline(always)]
+            fn bitand(self, other: Self) -> Self {
+                Self(from_fn(|i| self.0[i] & other.0[i]))
+            }
+        }
+
+        impl BitOr for $mask {
+            type Output = Self;
+            #[inline(always)]
+            fn bitor(self, other: Self) -> Self {
+                Self(from_fn(|i| self.0[i] | other.0[i]))
+            }
+        }
+
+        impl Not for $mask {
+            type Output = Self;
+            #[inline(always)]
+            fn not(self) -> Self {
+                Self(self.0.map(|lane| !lane))
+            }
+        }
+
+        array_lanes!(@operator $lanes, Add, add, +);
+        array_lanes!(@operator $lanes, Sub, sub, -);
+        array_lanes!(@operator $lanes, Mul, mul, *);
+        array_lanes!(@operator $lanes, Div, div, /);
+
+        impl Neg for $lanes {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                Self(self.0.map(|lane| -lane))
+            }
+        }
+
+        impl Lanes for $lanes {
+            type Scalar = $scalar;
+            type Mask = $mask;
+            const LANES: usize = $n;
+
+            #[inline(always)]
+            fn lane(self, i: usize) -> $scalar {
+                self.0[i]
+            }
+            #[inline(always)]
+            fn store(self, out: &mut [$scalar]) {
+                out[..$n].copy_from_slice(&self.0);
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self(self.0.map($scalar::sqrt))
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                Self(self.0.map($scalar::abs))
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                Self(from_fn(|i| if self.0[i] < other.0[i] { self.0[i] } else { other.0[i] }))
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                Self(from_fn(|i| if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] }))
+            }
+            #[inline(always)]
+            fn lt(self, other: Self) -> $mask {
+                $mask::of(|i| self.0[i] < other.0[i])
+            }
+            #[inline(always)]
+            fn le(self, other: Self) -> $mask {
+                $mask::of(|i| self.0[i] <= other.0[i])
+            }
+            #[inline(always)]
+            #[expect(clippy::float_cmp, reason = "the comparison is the operation itself")]
+            fn eq(self, other: Self) -> $mask {
+                $mask::of(|i| self.0[i] == other.0[i])
+            }
+            #[inline(always)]
+            fn select(self, mask: $mask, other: Self) -> Self {
+                Self(from_fn(|i| {
+                    let (a, b) = (self.0[i].to_bits(), other.0[i].to_bits());
+                    $scalar::from_bits((a & mask.0[i]) | (b & !mask.0[i]))
+                }))
+            }
+        }
+    };
+    (@operator $lanes:ident, $trait:ident, $method:ident, $operator:tt) => {
+        impl $trait for $lanes {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(from_fn(|i| self.0[i] $operator other.0[i]))
+            }
+        }
+    };
+}
+
+array_lanes!(F64x4, M64x4, f64, u64, 4, 32);
+array_lanes!(F32x8, M32x8, f32, u32, 8, 32);
+
+impl Simd for Portable {
+    type F64 = F64x4;
+    type F32 = F32x8;
+
+    #[inline(always)]
+    fn splat_f64(self, value: f64) -> F64x4 {
+        F64x4([value; 4])
+    }
+    #[inline(always)]
+    fn load_f64(self, values: &[f64]) -> F64x4 {
+        let values = &values[..4];
+        F64x4(from_fn(|i| values[i]))
+    }
+    #[inline(always)]
+    fn mask_f64(self, bits: u32) -> M64x4 {
+        M64x4::of(|i| bits >> i & 1 == 1)
+    }
+    #[inline(always)]
+    fn splat_f32(self, value: f32) -> F32x8 {
+        F32x8([value; 8])
+    }
+    #[inline(always)]
+    fn load_f32(self, values: &[f32]) -> F32x8 {
+        let values = &values[..8];
+        F32x8(from_fn(|i| values[i]))
+    }
+    #[inline(always)]
+    fn mask_f32(self, bits: u32) -> M32x8 {
+        M32x8::of(|i| bits >> i & 1 == 1)
+    }
+}

@@ -1,0 +1,100 @@
+//! One lane: plain numbers. The reference for every other backend.
+
+use crate::{LaneMask, Lanes, Simd};
+
+/// The backend with one lane, a plain `f64` or `f32`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Scalar;
+
+impl LaneMask for bool {
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        u32::from(self)
+    }
+}
+
+macro_rules! scalar_lanes {
+    ($scalar:ident) => {
+        impl Lanes for $scalar {
+            type Scalar = $scalar;
+            type Mask = bool;
+            const LANES: usize = 1;
+
+            #[inline(always)]
+            fn lane(self, i: usize) -> $scalar {
+                assert!(i == 0, "a scalar has one lane");
+                self
+            }
+            #[inline(always)]
+            fn store(self, out: &mut [$scalar]) {
+                out[0] = self;
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                <$scalar>::sqrt(self)
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                <$scalar>::abs(self)
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                if self < other { self } else { other }
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                if self > other { self } else { other }
+            }
+            #[inline(always)]
+            fn lt(self, other: Self) -> bool {
+                self < other
+            }
+            #[inline(always)]
+            fn le(self, other: Self) -> bool {
+                self <= other
+            }
+            #[inline(always)]
+            #[expect(clippy::float_cmp, reason = "the comparison is the operation itself")]
+            fn eq(self, other: Self) -> bool {
+                self == other
+            }
+            #[inline(always)]
+            fn select(self, mask: bool, other: Self) -> Self {
+                if mask { self } else { other }
+            }
+        }
+    };
+}
+
+scalar_lanes!(f64);
+scalar_lanes!(f32);
+
+impl Simd for Scalar {
+    type F64 = f64;
+    type F32 = f32;
+
+    #[inline(always)]
+    fn splat_f64(self, value: f64) -> f64 {
+        value
+    }
+    #[inline(always)]
+    fn load_f64(self, values: &[f64]) -> f64 {
+        values[0]
+    }
+    #[inline(always)]
+    fn mask_f64(self, bits: u32) -> bool {
+        bits & 1 == 1
+    }
+    #[inline(always)]
+    fn splat_f32(self, value: f32) -> f32 {
+        value
+    }
+    #[inline(always)]
+    fn load_f32(self, values: &[f32]) -> f32 {
+        values[0]
+    }
+    #[inline(always)]
+    fn mask_f32(self, bits: u32) -> bool {
+        bits & 1 == 1
+    }
+}

@@ -1,0 +1,105 @@
+//! Every operation of every backend has the bits of the scalar operation, lane by lane.
+
+use proptest::prelude::*;
+use rayset_simd::{Backend, Kernel, LaneMask, Lanes, MAX_LANES, Simd};
+
+/// All results of all operations on `a`, `b`, lane by lane, as bits.
+struct AllOperations<'a> {
+    a: &'a [f64],
+    b: &'a [f64],
+}
+
+impl Kernel for AllOperations<'_> {
+    type Output = Vec<Vec<u64>>;
+
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
+        let mut results = vec![Vec::new(); self.a.len()];
+        for i in (0..self.a.len()).step_by(S::F64::LANES) {
+            let (a, b) = (simd.load_f64(&self.a[i..]), simd.load_f64(&self.b[i..]));
+            let masks = [a.lt(b), a.le(b), a.gt(b), a.ge(b), a.eq(b), !a.lt(b), a.lt(b) | b.lt(a)];
+            let numbers = [
+                a + b,
+                a - b,
+                a * b,
+                a / b,
+                -a,
+                a.sqrt(),
+                a.abs(),
+                a.min(b),
+                a.max(b),
+                a.select(a.lt(b), b),
+                a.select(simd.mask_f64(u32::MAX), b),
+                a.select(simd.mask_f64(0), b),
+            ];
+            for lane in 0..S::F64::LANES {
+                let mut stored = [0.0; MAX_LANES];
+                for number in numbers {
+                    number.store(&mut stored);
+                    assert_eq!(stored[lane].to_bits(), number.lane(lane).to_bits());
+                    // The sign and payload of a NaN that an operation makes are not fixed by IEEE 754.
+                    let bits = if stored[lane].is_nan() { f64::NAN } else { stored[lane] };
+                    results[i + lane].push(bits.to_bits());
+                }
+                results[i + lane].extend(masks.iter().map(|mask| u64::from(mask.bits() >> lane & 1)));
+                assert_eq!(masks[0].any(), masks[0].bits() != 0);
+            }
+        }
+        results
+    }
+}
+
+/// Single precision: the same for the operations that a cull uses.
+struct Culling<'a> {
+    a: &'a [f32],
+    b: &'a [f32],
+}
+
+impl Kernel for Culling<'_> {
+    type Output = Vec<Vec<u32>>;
+
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
+        let mut results = vec![Vec::new(); self.a.len()];
+        for i in (0..self.a.len()).step_by(S::F32::LANES) {
+            let (a, b) = (simd.load_f32(&self.a[i..]), simd.load_f32(&self.b[i..]));
+            let numbers = [a + b, a - b, a * b, a / b, a.min(b), a.max(b), b.select(simd.mask_f32(0x5555), a)];
+            for lane in 0..S::F32::LANES {
+                let bits = |value: f32| if value.is_nan() { f32::NAN.to_bits() } else { value.to_bits() };
+                results[i + lane].extend(numbers[..6].iter().map(|number| bits(number.lane(lane))));
+                results[i + lane].push(a.le(b).bits() >> lane & 1);
+            }
+        }
+        results
+    }
+}
+
+fn any_f64() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        any::<u64>().prop_map(f64::from_bits),
+        -2.0..2.0,
+        prop::sample::select(vec![0.0, -0.0, 1.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 5e-324]),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn every_backend_has_the_scalar_bits(
+        a in prop::collection::vec(any_f64(), MAX_LANES),
+        b in prop::collection::vec(any_f64(), MAX_LANES),
+    ) {
+        let expected = Backend::Scalar.run(AllOperations { a: &a, b: &b });
+        for backend in Backend::ALL {
+            prop_assert_eq!(&backend.run(AllOperations { a: &a, b: &b }), &expected, "{}", backend);
+        }
+    }
+
+    #[test]
+    fn every_backend_has_the_scalar_bits_in_single_precision(
+        a in prop::collection::vec(any::<u32>().prop_map(f32::from_bits), MAX_LANES),
+        b in prop::collection::vec(any::<u32>().prop_map(f32::from_bits), MAX_LANES),
+    ) {
+        let expected = Backend::Scalar.run(Culling { a: &a, b: &b });
+        for backend in Backend::ALL {
+            prop_assert_eq!(&backend.run(Culling { a: &a, b: &b }), &expected, "{}", backend);
+        }
+    }
+}
