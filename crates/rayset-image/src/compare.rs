@@ -257,7 +257,6 @@ fn distance(expected: f64, actual: f64) -> f64 {
 }
 
 fn mean(sum: f64, samples: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
     let samples = samples.max(1) as f64;
     sum / samples
 }

@@ -266,7 +266,10 @@ mod tests {
         let mut image = sample_image();
         let long = format!("layer.{}", "n".repeat(249));
         image.push_u32(long.as_str(), vec![u32::MAX; 185]).unwrap();
-        let read = decode(&encode(&image).unwrap()).unwrap();
+        let bytes = encode(&image).unwrap();
+        assert_eq!(bytes[4..8], [2, 0b100, 0, 0], "version 2 with the flag for long names");
+        assert_eq!(encode(&sample_image()).unwrap()[4..8], [2, 0, 0, 0]);
+        let read = decode(&bytes).unwrap();
         assert_eq!(read.attributes(), image.attributes());
         assert_eq!(floats_by_bits(&read, "G"), floats_by_bits(&image, "G"));
         let names = |image: &Image| -> Vec<String> {
@@ -335,18 +338,45 @@ mod tests {
     fn a_claimed_size_is_checked_before_allocating() {
         let bytes = encode(&sample_image()).unwrap();
         let window = value_of(&bytes, b"dataWindow\0box2i\0");
+        let count = value_of(&bytes, b"chunkCount\0int\0");
         let claim = |x_max: i32, y_max: i32| {
             let mut claiming = bytes.clone();
+            claiming[count..count + 4].copy_from_slice(&(y_max / 16 + 1).to_le_bytes());
             claiming[window + 8..window + 12].copy_from_slice(&x_max.to_le_bytes());
             claiming[window + 12..window + 16].copy_from_slice(&y_max.to_le_bytes());
             decode(&claiming).unwrap_err().to_string()
         };
         let error = claim(65_534, 65_534);
-        assert!(error.starts_with("it claims 51538022700 bytes of pixels"), "{error}");
+        assert!(error.starts_with("it claims 51538034700 bytes of pixels"), "{error}");
         let error = claim(65_535, 36);
         assert!(error.contains("65536 x 37 pixels is not supported"), "{error}");
         let error = claim(1_000_000_000, 1_000_000_000);
         assert!(error.contains("not supported"), "{error}");
+    }
+
+    #[test]
+    fn hostile_attributes_are_errors() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hostile.exr");
+        let bytes = encode(&sample_image()).unwrap();
+        let with_attribute = |name_and_type: &[u8], length: i32, value: &[u8]| {
+            let attribute = [name_and_type, &length.to_le_bytes(), value].concat();
+            fs::write(&path, [&bytes[..8], &attribute, &bytes[8..]].concat()).unwrap();
+            read_exr(&path).unwrap_err()
+        };
+        let all = [0xff; 8];
+        // The byte count of a preview of 2^31 - 1 squared pixels, or of more, overflows.
+        let large = [i32::MAX.to_le_bytes(), i32::MAX.to_le_bytes()].concat();
+        for value in [&all, large.as_slice()] {
+            with_attribute(b"preview\0preview\0", 8, value);
+        }
+        for length in [i32::MAX, i32::MIN, -1, 1_000_000] {
+            with_attribute(b"rayset.a\0string\0", length, b"a");
+            with_attribute(b"a\0unknown\0", length, b"a");
+            with_attribute(b"multiView\0stringvector\0", length, &all);
+        }
+        let tiles = [0, 0, 0, 0, 0, 0, 0, 0, 0];
+        with_attribute(b"tiles\0tiledesc\0", 9, &tiles);
     }
 
     #[test]

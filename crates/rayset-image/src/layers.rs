@@ -107,13 +107,11 @@ fn viridis(value: f32) -> [u8; 3] {
     }
     let place = f64::from(value.clamp(0.0, 1.0)) * 19.0;
     #[expect(clippy::cast_possible_truncation, reason = "from 0 to 19")]
-    #[expect(clippy::cast_sign_loss, reason = "from 0 to 19")]
     let below = (place as usize).min(18);
     let fraction = place - f64::from(u8::try_from(below).unwrap_or(18));
     std::array::from_fn(|component| {
         let [from, to] = [below, below + 1].map(|entry| f64::from(VIRIDIS[entry][component]));
         #[expect(clippy::cast_possible_truncation, reason = "between two bytes")]
-        #[expect(clippy::cast_sign_loss, reason = "between two bytes")]
         let byte = (from + (to - from) * fraction + 0.5) as u8;
         byte
     })
@@ -153,6 +151,8 @@ mod tests {
         // Half way between entries 9 and 10: (0x23 + 0x1f) / 2 = 0x21, (0x8a + 0x96) / 2 = 0x90, and
         // (0x8d + 0x8b) / 2 = 0x8c.
         assert_eq!(false_colour(&[0.5]), [[0x21, 0x90, 0x8c]]);
+        // 0.25 is three quarters of the way from entry 4 to 5: 58.5, 81.5 and 139, rounded half up.
+        assert_eq!(false_colour(&[0.25]), [[59, 82, 139]]);
     }
 
     #[test]
@@ -185,7 +185,7 @@ mod tests {
         assert_eq!(unit_values(&counts, 5.0, 5.0), [0.0, 0.0, 1.0]);
         let extreme = Samples::F32(vec![f32::MAX, f32::NAN]);
         let moved = unit_values(&extreme, f32::MIN, f32::MAX);
-        assert_eq!(moved[0], 1.0);
+        assert_eq!(moved[0].to_bits(), 1.0_f32.to_bits());
         assert!(moved[1].is_nan());
         assert!(unit_values(&extreme, 1.0, 1.0)[1].is_nan());
     }

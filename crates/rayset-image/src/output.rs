@@ -92,6 +92,16 @@ mod tests {
         replace_file(&link, b"new").unwrap();
         assert!(link.is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"new");
-        assert!(replace_file(Path::new("/dev/null"), b"bytes").is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_special_file_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("socket");
+        let _listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        assert_eq!(replace_file(&path, b"bytes").unwrap_err().kind(), io::ErrorKind::InvalidInput);
+        assert!(!path.is_file());
+        assert_eq!(entries(folder.path()), ["socket"]);
     }
 }

@@ -79,7 +79,6 @@ pub fn to_srgb8(image: &Image, exposure_ev: f64) -> Result<Vec<[u8; 3]>, ImageEr
 }
 
 fn srgb_byte(linear: f64) -> u8 {
-    // A comparison with NaN is false, so `max` would do; written out, the rule is visible.
     let linear = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0) };
     let encoded =
         if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 };
@@ -87,7 +86,6 @@ fn srgb_byte(linear: f64) -> u8 {
         clippy::cast_possible_truncation,
         reason = "from 0 to 255, and casting down rounds as floor does"
     )]
-    #[expect(clippy::cast_sign_loss, reason = "from 0 to 255")]
     let byte = (255.0 * encoded + 0.5) as u8;
     byte
 }

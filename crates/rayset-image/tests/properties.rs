@@ -40,8 +40,6 @@ fn planes(pixels: usize) -> impl Strategy<Value = Vec<u32>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 128, ..ProptestConfig::default() })]
-
     #[test]
     fn an_image_is_identical_to_itself(image in images()) {
         let comparison = compare(&image, &image, 0.0).unwrap();
@@ -104,8 +102,6 @@ mod files {
     use super::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 128, ..ProptestConfig::default() })]
-
         #[test]
         fn exr_files_lose_nothing(image in images(), value in any::<String>()) {
             let mut image = image;

@@ -61,7 +61,8 @@ impl Kernel for Culling<'_> {
         let mut results = vec![Vec::new(); self.a.len()];
         for i in (0..self.a.len()).step_by(S::F32::LANES) {
             let (a, b) = (simd.load_f32(&self.a[i..]), simd.load_f32(&self.b[i..]));
-            let numbers = [a + b, a - b, a * b, a / b, a.min(b), a.max(b), b.select(simd.mask_f32(0x5555), a)];
+            let numbers =
+                [a + b, a - b, a * b, a / b, a.min(b), a.max(b), b.select(simd.mask_f32(0x5555), a)];
             for lane in 0..S::F32::LANES {
                 let bits = |value: f32| if value.is_nan() { f32::NAN.to_bits() } else { value.to_bits() };
                 results[i + lane].extend(numbers[..6].iter().map(|number| bits(number.lane(lane))));

@@ -1,0 +1,214 @@
+//! The finished scene.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use rayset_geometry::{BoundingSphere, ColumnRun, PrimitiveColumns, PrimitiveKind, VolumeColumns, unit};
+
+use crate::{Camera, Color, Light, LightId, Material, MaterialId, ObjectId, PrimitiveId, VolumeId};
+
+/// Primitives with one material, under bounding volumes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Object {
+    /// The name it was added under; need not be unique.
+    pub name: String,
+    /// How all its primitives are shaded.
+    pub material: MaterialId,
+    /// A sphere that holds the whole object.
+    pub bounds: BoundingSphere,
+    /// The ids of its primitives, as numbers.
+    pub primitives: Range<u32>,
+}
+
+/// Where a primitive is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PrimitiveLocation {
+    /// Its kind.
+    pub kind: PrimitiveKind,
+    /// Its index in the columns of that kind.
+    pub index: u32,
+    /// The bounding volume that holds it.
+    pub volume: VolumeId,
+}
+
+/// The normals at a point of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// The unit normal of the front of the primitive: it decides sides.
+    pub normal: DVec3,
+    /// The unit normal to shade with: interpolated between vertices where they have normals, else the same.
+    pub shading_normal: DVec3,
+}
+
+/// An immutable scene: objects under bounding volumes, materials, lights and a camera.
+#[derive(Debug)]
+pub struct Scene {
+    pub(crate) camera: Camera,
+    pub(crate) background: Color,
+    pub(crate) ambient: Color,
+    pub(crate) lights: Vec<Light>,
+    pub(crate) materials: Vec<Material>,
+    pub(crate) objects: Vec<Object>,
+    pub(crate) primitives: PrimitiveColumns,
+    pub(crate) locations: Vec<PrimitiveLocation>,
+    pub(crate) ids: [Vec<PrimitiveId>; 4],
+    pub(crate) volumes: VolumeColumns,
+    pub(crate) volume_objects: Vec<ObjectId>,
+    pub(crate) volume_runs: Vec<Range<u32>>,
+    pub(crate) runs: Vec<ColumnRun>,
+    pub(crate) vertex_normals: Vec<[DVec3; 3]>,
+    /// By triangle index; `u32::MAX` for none. Empty if no triangle has normals.
+    pub(crate) vertex_normal_index: Vec<u32>,
+    pub(crate) extent: f64,
+}
+
+impl Scene {
+    /// The camera.
+    #[must_use]
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// What a ray that hits nothing sees.
+    #[must_use]
+    pub fn background(&self) -> Color {
+        self.background
+    }
+
+    /// The intensity of ambient light.
+    #[must_use]
+    pub fn ambient(&self) -> Color {
+        self.ambient
+    }
+
+    /// The lights, by [`LightId`].
+    #[must_use]
+    pub fn lights(&self) -> &[Light] {
+        &self.lights
+    }
+
+    /// One light.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such light.
+    #[must_use]
+    pub fn light(&self, id: LightId) -> &Light {
+        &self.lights[id.index()]
+    }
+
+    /// The objects, by [`ObjectId`].
+    #[must_use]
+    pub fn objects(&self) -> &[Object] {
+        &self.objects
+    }
+
+    /// The materials, by [`MaterialId`].
+    #[must_use]
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// The material of an object.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such object.
+    #[must_use]
+    #[inline]
+    pub fn material_of(&self, object: ObjectId) -> &Material {
+        &self.materials[self.objects[object.index()].material.index()]
+    }
+
+    /// All primitives, as columns for testing.
+    #[must_use]
+    pub fn primitives(&self) -> &PrimitiveColumns {
+        &self.primitives
+    }
+
+    /// How many primitives there are.
+    #[must_use]
+    pub fn n_primitives(&self) -> usize {
+        self.locations.len()
+    }
+
+    /// Where a primitive is stored.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    #[must_use]
+    #[inline]
+    pub fn location(&self, id: PrimitiveId) -> PrimitiveLocation {
+        self.locations[id.index()]
+    }
+
+    /// The id of a stored primitive.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    #[must_use]
+    #[inline]
+    pub fn primitive_id(&self, kind: PrimitiveKind, index: u32) -> PrimitiveId {
+        self.ids[kind as usize][index as usize]
+    }
+
+    /// The bounding volumes, by [`VolumeId`], as columns for a partition.
+    #[must_use]
+    pub fn volumes(&self) -> &VolumeColumns {
+        &self.volumes
+    }
+
+    /// The object that a volume bounds, or bounds a piece of.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such volume.
+    #[must_use]
+    #[inline]
+    pub fn volume_object(&self, volume: VolumeId) -> ObjectId {
+        self.volume_objects[volume.index()]
+    }
+
+    /// The primitives inside a volume.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such volume.
+    #[must_use]
+    #[inline]
+    pub fn volume_runs(&self, volume: VolumeId) -> &[ColumnRun] {
+        let runs = &self.volume_runs[volume.index()];
+        &self.runs[runs.start as usize..runs.end as usize]
+    }
+
+    /// The largest absolute coordinate of anything a ray can hit, in world units.
+    #[must_use]
+    pub fn extent(&self) -> f64 {
+        self.extent
+    }
+
+    /// The normals of a primitive at a point of it, in world space.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    #[must_use]
+    pub fn surface_at(&self, primitive: PrimitiveId, point: DVec3) -> SurfacePoint {
+        let PrimitiveLocation { kind, index, .. } = self.location(primitive);
+        let normal = self.primitives.normal_at(kind, index, point);
+        let vertex_normals = match kind {
+            PrimitiveKind::Triangle => self.vertex_normal_index.get(index as usize).copied(),
+            _ => None,
+        };
+        let shading_normal = vertex_normals
+            .and_then(|i| self.vertex_normals.get(i as usize))
+            .and_then(|[a, b, c]| {
+                let [u, v, w] = self.primitives.triangle(index).barycentric(point);
+                unit(u * *a + v * *b + w * *c)
+            })
+            .unwrap_or(normal);
+        SurfacePoint { normal, shading_normal }
+    }
+}
