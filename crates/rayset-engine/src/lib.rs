@@ -1,1 +1,50 @@
-//! placeholder
+//! Intersection trees and ray-sets with pluggable intersection strategies.
+//!
+//! Whitted's recursion and shading are written once; an [`IntersectionStrategy`] only answers two questions: what
+//! does this ray hit first, and is this light hidden. Every exact strategy gives the same image, bit for bit.
+//!
+//! ```
+//! use rayset_engine::{RenderOptions, StrategyKind, render};
+//! use rayset_scene::RandomSpheres;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let scene = RandomSpheres { count: 4, ..RandomSpheres::default() }.scene()?;
+//! let options = RenderOptions { width: 32, height: 32, ..RenderOptions::default() };
+//! let frame = render(StrategyKind::Standard.bind(&scene).as_ref(), &options)?;
+//! assert_eq!(frame.counts.initial.cast, 32 * 32);
+//! # Ok(())
+//! # }
+//! ```
+
+mod counts;
+mod histogram;
+mod intersection_tree;
+mod order;
+mod query;
+mod ray_set;
+mod render;
+mod shading;
+mod stats;
+mod strategies;
+mod strategy;
+
+pub use counts::{ByKind, RayCounts, RayTally};
+pub use histogram::Histogram;
+pub use intersection_tree::{Branch, IntersectionTrees, LightState, Node, Surface};
+pub use order::{PixelOrder, SweepLength};
+pub use query::{
+    Answers, Generation, Hit, MAX_DEPTH, Originating, QueryWork, RayKind, RayQuery, RaySetIndex,
+    ShadowGeneration, ShadowQuery, Slot,
+};
+pub use ray_set::{DEPARTURE_MARGIN, RaySets, TreeOptions};
+pub use rayset_geometry as geometry;
+pub use rayset_scene as scene;
+pub use rayset_simd::Backend;
+pub use render::{Frame, FrameTimes, Plane, PlaneSamples, RenderError, RenderOptions, render};
+pub use shading::shade;
+pub use stats::{CoherenceCounts, Stats, Work};
+pub use strategies::{
+    BlockerRule, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,
+    Speer1985, Speer1985Options, Standard, StrategyKind, UnknownStrategy,
+};
+pub use strategy::{IntersectionStrategy, Recording, Tracer};

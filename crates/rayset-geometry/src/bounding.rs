@@ -56,8 +56,7 @@ pub fn enclosing_sphere(primitives: &[Primitive]) -> BoundingSphere {
 
 /// Moves a centre until no point is much farther than the others.
 ///
-/// Each step goes towards the farthest point by a share that shrinks as `1 / (i + 1)`; the last centres are
-/// averaged, which cancels most of their circling.
+/// Each step goes towards the farthest point by a share that shrinks as `1 / (i + 1)`; the best centre is kept.
 fn center_of_points(points: &[DVec3], start: DVec3) -> DVec3 {
     let farthest = |center: DVec3| {
         let key = |p: &&DVec3| p.distance_squared(center);
@@ -94,15 +93,26 @@ fn farthest_of_all(primitives: &[Primitive], center: DVec3) -> DVec3 {
             Primitive::Triangle(triangle) => triangle.vertices().iter().copied().for_each(consider),
             Primitive::Polygon(polygon) => polygon.vertices().iter().copied().for_each(consider),
             Primitive::Cone(cone) => {
-                for (circle, radius) in [(cone.base(), cone.base_radius()), (cone.apex(), cone.apex_radius())] {
-                    let outward = (circle - center).reject_from_normalized(cone.axis());
-                    let outward = unit(outward).unwrap_or_else(|| cone.axis().any_orthonormal_vector());
-                    consider(circle + radius * outward);
+                for (circle, radius) in [(cone.base(), cone.base_radius()), (cone.apex(), cone.apex_radius())]
+                {
+                    let outward = perpendicular(circle - center, cone.axis());
+                    let rim = circle + radius * outward;
+                    consider(rim + cone.thickness() * unit(rim - center).unwrap_or(outward));
                 }
             }
         }
     }
     farthest.1
+}
+
+/// The unit vector perpendicular to an axis on the side of `vector`; any perpendicular one where rounding hides it.
+fn perpendicular(vector: DVec3, axis: DVec3) -> DVec3 {
+    let across = |vector: DVec3| vector - vector.dot(axis) * axis;
+    // Of a vector nearly along the axis the first step leaves rounding noise, which may point along the axis too.
+    match unit(across(vector)).map(across) {
+        Some(outward) if outward.length_squared() > 0.5 => outward.normalize(),
+        _ => axis.any_orthonormal_vector(),
+    }
 }
 
 fn any_point(primitive: &Primitive) -> DVec3 {
@@ -133,9 +143,11 @@ mod tests {
 
     #[test]
     fn cube_and_simplex_are_enclosed_tightly() {
-        let corners: Vec<_> = (0..8).map(|i| dvec3(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2))).collect();
+        let corners: Vec<_> =
+            (0..8).map(|i| dvec3(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2))).collect();
         assert_near_minimal(&points(&corners), 0.75_f64.sqrt());
-        let simplex = [dvec3(1.0, 1.0, 1.0), dvec3(1.0, -1.0, -1.0), dvec3(-1.0, 1.0, -1.0), dvec3(-1.0, -1.0, 1.0)];
+        let simplex =
+            [dvec3(1.0, 1.0, 1.0), dvec3(1.0, -1.0, -1.0), dvec3(-1.0, 1.0, -1.0), dvec3(-1.0, -1.0, 1.0)];
         assert_near_minimal(&points(&simplex), 3.0_f64.sqrt());
     }
 

@@ -5,7 +5,9 @@ use std::ops::Range;
 use glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 
-use crate::{Cone, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone, polygon, sphere, triangle};
+use crate::{
+    Cone, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone, polygon, sphere, triangle,
+};
 
 /// Primitives of all kinds, a structure of arrays for each kind.
 ///
@@ -245,7 +247,8 @@ impl PrimitiveColumns {
                 }
                 PrimitiveKind::Triangle => {
                     let axes = probe.shear.axes;
-                    let vertex = |v: usize| axes.map(|k| probe.simd.load_f64(&self.triangles[3 * v + k][i..]));
+                    let vertex =
+                        |v: usize| axes.map(|k| probe.simd.load_f64(&self.triangles[3 * v + k][i..]));
                     triangle::intersect(probe, [vertex(0), vertex(1), vertex(2)], allowed)
                 }
                 _ => {
@@ -270,7 +273,7 @@ impl PrimitiveColumns {
     fn intersect_polygon<S: Simd>(&self, probe: &Probe<S>, i: usize) -> Option<(Side, f64)> {
         let (start, next) = (self.polygon_starts[i] as usize, self.polygon_starts[i + 1] as usize);
         let load = |i: usize| self.polygon_vertices.each_ref().map(|c| probe.simd.load_f64(&c[start + i..]));
-        polygon::intersect(probe, load, next - start - 1, self.polygon_normals[i])
+        polygon::intersect(probe, load, next - start - 1)
     }
 }
 

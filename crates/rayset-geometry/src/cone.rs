@@ -6,9 +6,9 @@ use rayset_simd::{Lanes, Simd};
 use crate::columns::Allowed;
 use crate::{BoundingSphere, Probe, enclosing_sphere};
 
-/// How far beyond the bounding sphere of a cone a hit may lie, relative to its radius: rounding of ill-conditioned
-/// roots, generously. Derived in `docs/numerics.md`.
-const CONTAINMENT_MARGIN: f64 = 1.0 / (1_u64 << 40) as f64;
+/// How far off the surface a hit may lie, relative to the radius of the bounding sphere: 2^-24 is the square root of
+/// 32 roundings, which is what a pointed apex makes of the rounding of the quadratic. Derived in `docs/numerics.md`.
+const CONTAINMENT_MARGIN: f64 = 1.0 / (1_u64 << 24) as f64;
 
 /// The curved side of a truncated cone or, with equal radii, of a cylinder; in world space, open at both ends.
 ///
@@ -22,6 +22,7 @@ pub struct Cone {
     axis: DVec3,
     height: f64,
     slope: f64,
+    thickness: f64,
     bounds: BoundingSphere,
 }
 
@@ -49,10 +50,11 @@ impl Cone {
             axis,
             height,
             slope,
+            thickness: 0.0,
             bounds: BoundingSphere { center: base, radius: 0.0 },
         };
-        let bounds = enclosing_sphere(&[cone.into()]);
-        cone.bounds = BoundingSphere { radius: bounds.radius * (1.0 + CONTAINMENT_MARGIN), ..bounds };
+        cone.thickness = 2.0 * CONTAINMENT_MARGIN * enclosing_sphere(&[cone.into()]).radius;
+        cone.bounds = enclosing_sphere(&[cone.into()]);
         Some(cone)
     }
 
@@ -101,22 +103,31 @@ impl Cone {
         }
     }
 
-    /// A sphere that holds every hit, the rounding of its distance included.
+    /// A sphere that holds the surface and, up to the rounding of coordinates, every hit.
     #[must_use]
     pub fn bounding_sphere(&self) -> BoundingSphere {
         self.bounds
     }
 
-    /// Base, axis, height, base radius, slope, centre and radius of the bounds: what [`intersect`] reads.
+    /// How far from the truncated solid cone a computed hit may lie, apart from the rounding of coordinates; in world
+    /// units.
+    pub(crate) fn thickness(&self) -> f64 {
+        self.thickness
+    }
+
+    /// Base, axis, height, base radius, slope; then how much wider than the local radius a hit may lie from the
+    /// axis, and how far at most: what [`intersect`] reads.
     pub(crate) fn parameters(&self) -> [f64; PARAMETERS] {
         let ([bx, by, bz], [ax, ay, az]) = (self.base.to_array(), self.axis.to_array());
-        let [cx, cy, cz] = self.bounds.center.to_array();
-        [bx, by, bz, ax, ay, az, self.height, self.base_radius, self.slope, cx, cy, cz, self.bounds.radius]
+        // Half the thickness along the normal; where the rim cuts that short, the whole is enough for both.
+        let across = 0.5 * self.thickness * (1.0 + self.slope * self.slope).sqrt();
+        let widest = self.base_radius.max(self.apex_radius) + 0.5 * self.thickness;
+        [bx, by, bz, ax, ay, az, self.height, self.base_radius, self.slope, across, widest]
     }
 }
 
 /// How many numbers describe a cone to [`intersect`].
-pub(crate) const PARAMETERS: usize = 13;
+pub(crate) const PARAMETERS: usize = 11;
 
 /// Where a ray meets cones, a lane each: the lanes that are hit, and `t`.
 ///
@@ -125,7 +136,8 @@ pub(crate) const PARAMETERS: usize = 13;
 /// `A t^2 + 2 B t + C = 0` with `A = |d_p|^2 - (k d_m)^2`, `B = q_p . d_p - k d_m (r + k q_m)`,
 /// `C = |q_p|^2 - (r + k q_m)^2`. At a root `A t + B` is half the derivative, so the root with `-sqrt(B^2 - A C)`
 /// always meets the front and the other the back. A hit lies between the two circles, where the radius is not
-/// negative, and within the cone's own bounding sphere: near-parallel rays make roots no bound can be derived for.
+/// negative, and no farther outside the surface than the cone's thickness: no better bound can be derived near a
+/// pointed apex, and none at all for roots that rays nearly parallel to the surface make.
 #[inline(always)]
 pub(crate) fn intersect<S: Simd>(
     probe: &Probe<S>,
@@ -135,7 +147,7 @@ pub(crate) fn intersect<S: Simd>(
     let simd = probe.simd;
     let zero = simd.splat_f64(0.0);
     let (o, d) = (probe.lanes.origin, probe.lanes.direction);
-    let [bx, by, bz, ax, ay, az, height, base_radius, slope, cx, cy, cz, bound] = parameters;
+    let [bx, by, bz, ax, ay, az, height, base_radius, slope, across, widest] = parameters;
     let dot = |a: [S::F64; 3], b: [S::F64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let axis = [ax, ay, az];
     let to_base = [bx - o[0], by - o[1], bz - o[2]];
@@ -155,17 +167,17 @@ pub(crate) fn intersect<S: Simd>(
     // The sum without cancellation gives one root, Vieta's product the other.
     let b_positive = b.gt(zero);
     let sum = (-(b + root)).select(b_positive, root - b);
-    let (by_sum, by_product) = (sum / a, c / sum);
+    let by_sum = sum / a;
+    // Both roots are zero where the sum is: a ray that touches the surface where it is nearest to the base.
+    let by_product = by_sum.select(sum.eq(zero), c / sum);
     let front = by_sum.select(b_positive, by_product);
     let back = by_product.select(b_positive, by_sum);
-    let limit = bound + nearest.abs() * simd.splat_f64(CONTAINMENT_MARGIN * (1.0 / 256.0));
     let on_surface = |t: S::F64| {
         let m = q_m + t * d_m;
-        let from_center = [q[0] + t * d[0] + (bx - cx), q[1] + t * d[1] + (by - cy), q[2] + t * d[2] + (bz - cz)];
-        m.ge(zero)
-            & m.le(height)
-            & (base_radius + slope * m).ge(zero)
-            & dot(from_center, from_center).le(limit * limit)
+        let p = [q_p[0] + t * d_p[0], q_p[1] + t * d_p[1], q_p[2] + t * d_p[2]];
+        let local_radius = base_radius + slope * m;
+        let reach = (local_radius + across).min(widest);
+        m.ge(zero) & m.le(height) & local_radius.ge(zero) & dot(p, p).le(reach * reach)
     };
     let (front_t, back_t) = (nearest + front, nearest + back);
     let front_hit = real & allowed.front & on_surface(front) & probe.in_span(front_t);

@@ -117,7 +117,10 @@ mod tests {
     #[test]
     fn half_line_stays_inside_only_along_the_axis() {
         assert!(!cylinder().is_pierced_by_half_line(dvec3(1.2, 0.0, 0.0), DVec3::Z));
-        assert!(cylinder().is_pierced_by_half_line(dvec3(1.2, 0.0, 0.0), crate::unit(dvec3(1e-9, 0.0, 1.0)).unwrap()));
+        assert!(
+            cylinder()
+                .is_pierced_by_half_line(dvec3(1.2, 0.0, 0.0), crate::unit(dvec3(1e-9, 0.0, 1.0)).unwrap())
+        );
         assert!(cylinder().is_pierced_by_half_line(dvec3(1.7, 0.0, 0.0), DVec3::Z));
     }
 }

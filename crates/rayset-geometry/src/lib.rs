@@ -16,6 +16,7 @@
 mod bounding;
 mod columns;
 mod cone;
+mod crossing;
 mod cylinder;
 mod exact;
 mod polygon;

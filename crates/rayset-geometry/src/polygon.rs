@@ -3,11 +3,13 @@
 use glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 
+use crate::crossing::{Crossing, Crossings};
 use crate::{BoundingSphere, Probe, Side, compare_products, enclosing_sphere};
 
 /// A polygon whose vertices lie in one plane, in world space; its front is where they go round counterclockwise.
 ///
-/// It may be concave; where it crosses itself, what is inside an odd number of times is inside.
+/// It may be concave; where it crosses itself, what is inside an odd number of times is inside, and each part has
+/// its front where its own edges go round counterclockwise.
 /// Vertices that lie off the plane by rounding do no harm: a hit's distance is interpolated between its edges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Polygon {
@@ -25,9 +27,9 @@ impl Polygon {
             return None;
         }
         let first = vertices[0];
-        let area = vertices[1..].windows(2).fold(DVec3::ZERO, |area, pair| {
-            area + (pair[0] - first).cross(pair[1] - first)
-        });
+        let area = vertices[1..]
+            .windows(2)
+            .fold(DVec3::ZERO, |area, pair| area + (pair[0] - first).cross(pair[1] - first));
         Some(Self { normal: crate::unit(area)?, vertices })
     }
 
@@ -50,24 +52,6 @@ impl Polygon {
     }
 }
 
-/// Where an edge crosses the x axis of sheared space, and the depth there.
-#[derive(Clone, Copy)]
-struct Crossing {
-    x: f64,
-    depth: f64,
-}
-
-impl Crossing {
-    /// Keeps the crossing nearest to the origin; of equally near ones the one of least depth.
-    #[inline(always)]
-    fn keep(nearest: &mut Option<Self>, candidate: Self) {
-        let key = |crossing: &Self| (crossing.x.abs(), crossing.depth);
-        if nearest.as_ref().is_none_or(|nearest| key(&candidate) < key(nearest)) {
-            *nearest = Some(candidate);
-        }
-    }
-}
-
 /// The side from which a ray meets a polygon, and `t`; `None` if it misses.
 ///
 /// `load(i)` gives x, y and z of the vertices from `i` on, a lane each; vertex `count` is the first once more, and
@@ -76,9 +60,10 @@ impl Crossing {
 /// In sheared space (see [`crate::Shear`]) the ray is the z axis. The edges that cross the x axis are counted on
 /// its positive half; an odd number means inside. A vertex with `y = 0` counts as below and a crossing at
 /// `x = 0` as left, so of two polygons that share an edge exactly one is hit, whatever the rounding: the sign of
-/// a crossing is taken from its exact products where rounding leaves it in doubt. `t` lies on the line between
-/// the nearest crossing on either side, so it is a convex combination of the vertices' depths: no ray, however
-/// nearly in the plane, hits outside the polygon's bounds.
+/// a crossing is taken from its exact products where rounding leaves it in doubt. The side is the sense in which
+/// the edges wind round the ray, which holds even where the ray is so nearly in the plane that the rounded normal
+/// would not know. `t` lies on the line between the nearest crossing on either side, so the hit lies on the
+/// polygon: no ray, however nearly in the plane, hits outside its bounds.
 ///
 /// Source: the crossing number of Shimrat 1962, in the space of Woop et al. 2013.
 #[inline(always)]
@@ -86,7 +71,6 @@ pub(crate) fn intersect<S: Simd>(
     probe: &Probe<S>,
     load: impl Fn(usize) -> [S::F64; 3],
     count: usize,
-    normal: DVec3,
 ) -> Option<(Side, f64)> {
     let simd = probe.simd;
     let zero = simd.splat_f64(0.0);
@@ -100,8 +84,8 @@ pub(crate) fn intersect<S: Simd>(
         let y = (vertex[axes[1]] - origin[1]) - sy * z;
         [x, y, sz * z]
     };
-    let (mut right, mut left): (Option<Crossing>, Option<Crossing>) = (None, None);
-    let mut crossings_right = 0_usize;
+    let mut crossings = Crossings::default();
+    let mut winding = 0;
     for i in (0..count).step_by(S::F64::LANES) {
         let ([px, py, pz], [qx, qy, qz]) = (shear(i), shear(i + 1));
         let (p_above, q_above) = (py.gt(zero), qy.gt(zero));
@@ -129,26 +113,20 @@ pub(crate) fn intersect<S: Simd>(
             };
             let is_right = sign.is_ne() && sign.is_gt() == (rise.lane(lane) > 0.0);
             let candidate = Crossing { x: x_lanes[lane], depth: depth_lanes[lane] };
-            crossings_right += usize::from(is_right);
-            Crossing::keep(if is_right { &mut right } else { &mut left }, candidate);
+            if is_right {
+                winding += if rise.lane(lane) > 0.0 { 1 } else { -1 };
+                crossings.add_right(candidate);
+            } else {
+                crossings.add_left(candidate);
+            }
         }
     }
-    if crossings_right % 2 == 0 {
+    if winding % 2 == 0 {
         return None;
     }
-    let (left, right) = (left?, right?);
-    let width = right.x - left.x;
-    let fraction = if width > 0.0 { -left.x / width } else { 0.0 };
-    let t = left.depth + fraction * (right.depth - left.depth);
-    let t = t.max(left.depth.min(right.depth)).min(left.depth.max(right.depth));
-    let facing = normal.dot(probe.ray.direction());
-    if facing < 0.0 {
-        Some((Side::Front, t))
-    } else if facing > 0.0 {
-        Some((Side::Back, t))
-    } else {
-        None
-    }
+    // Clockwise about the ray's direction is counterclockwise for the eye.
+    let side = if winding < 0 { Side::Front } else { Side::Back };
+    Some((side, crossings.depth_of_ray()?))
 }
 
 #[cfg(test)]
@@ -187,7 +165,9 @@ mod tests {
     fn polygons_that_share_an_edge_are_hit_once() {
         let square = |x: f64, y: f64| {
             let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
-            Primitive::from(Polygon::new(corners.iter().map(|c| dvec3(x + c.0, y + c.1, 2.0)).collect()).unwrap())
+            Primitive::from(
+                Polygon::new(corners.iter().map(|c| dvec3(x + c.0, y + c.1, 2.0)).collect()).unwrap(),
+            )
         };
         let squares = [square(0.0, 0.0), square(1.0, 0.0), square(0.0, 1.0), square(1.0, 1.0)];
         for (x, y) in [(1.0, 1.0), (1.0, 0.5), (0.5, 1.0), (1.0, 1.5), (0.5, 0.5)] {

@@ -57,7 +57,8 @@ impl Primitive {
     #[must_use]
     pub fn intersect(&self, ray: &Ray, span: Span, sides: Sides, departure: Option<Side>) -> Option<f64> {
         let kind = self.kind();
-        let probe = Probe::new(Scalar, ray, span, matches!(kind, PrimitiveKind::Triangle | PrimitiveKind::Polygon));
+        let probe =
+            Probe::new(Scalar, ray, span, matches!(kind, PrimitiveKind::Triangle | PrimitiveKind::Polygon));
         let departure = departure.map(|side| Departure { kind, index: 0, side });
         let allowed = Allowed::of(Scalar, sides, departure, 0);
         let (is_hit, t) = match self {
@@ -70,7 +71,7 @@ impl Primitive {
             Self::Polygon(p) => {
                 let vertices = p.vertices();
                 let load = |i: usize| vertices[i % vertices.len()].to_array();
-                let (side, t) = polygon::intersect(&probe, load, vertices.len(), p.normal())?;
+                let (side, t) = polygon::intersect(&probe, load, vertices.len())?;
                 (departure.is_none() && sides.include(side) && span.contains(t), t)
             }
         };
@@ -107,7 +108,9 @@ impl Primitive {
             Self::Sphere(sphere) => largest(&[sphere.center()]) + sphere.radius(),
             Self::Triangle(triangle) => largest(triangle.vertices()),
             Self::Polygon(polygon) => largest(polygon.vertices()),
-            Self::Cone(cone) => largest(&[cone.base(), cone.apex()]) + cone.base_radius().max(cone.apex_radius()),
+            Self::Cone(cone) => {
+                largest(&[cone.base(), cone.apex()]) + cone.base_radius().max(cone.apex_radius())
+            }
         }
     }
 }

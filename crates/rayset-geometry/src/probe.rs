@@ -88,6 +88,12 @@ impl<S: Simd> Probe<S> {
         &self.ray
     }
 
+    /// Where hits count.
+    #[must_use]
+    pub fn span(&self) -> Span {
+        self.span
+    }
+
     /// The lanes in which `t` lies in the span.
     #[inline(always)]
     pub(crate) fn in_span(&self, t: S::F64) -> <S::F64 as rayset_simd::Lanes>::Mask {

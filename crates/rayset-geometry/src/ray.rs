@@ -21,7 +21,10 @@ impl Ray {
     #[must_use]
     #[inline]
     pub fn new(origin: DVec3, direction: DVec3) -> Self {
-        debug_assert!((direction.length_squared() - 1.0).abs() < 1e-9, "direction {direction} is no unit vector");
+        debug_assert!(
+            (direction.length_squared() - 1.0).abs() < 1e-9,
+            "direction {direction} is no unit vector"
+        );
         Self { origin, direction }
     }
 

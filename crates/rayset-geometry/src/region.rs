@@ -59,7 +59,8 @@ impl VolumeSet {
     pub fn of(ray: &Ray, volume: &BoundingSphere, slack: f64) -> Self {
         let mut columns = VolumeColumns::default();
         columns.push(volume);
-        let lanes = columns.classify(rayset_simd::Scalar, &RayLanes::splat(rayset_simd::Scalar, ray), slack, 0);
+        let lanes =
+            columns.classify(rayset_simd::Scalar, &RayLanes::splat(rayset_simd::Scalar, ray), slack, 0);
         match lanes {
             VolumeLanes { intersected: 1, .. } => Self::Intersected,
             VolumeLanes { not_intersected: 1, .. } => Self::NotIntersected,

@@ -142,7 +142,8 @@ mod tests {
         let far = dvec3(0.0, 0.0, -1e6);
         for offset in [0.0, 0.5, 0.999_999] {
             let origin = far + dvec3(offset, 0.0, 0.0);
-            let t = sphere().intersect(&Ray::new(origin, DVec3::Z), Span::FORWARD, Sides::Both, None).unwrap();
+            let t =
+                sphere().intersect(&Ray::new(origin, DVec3::Z), Span::FORWARD, Sides::Both, None).unwrap();
             let expected = 1e6 + 5.0 - f64::sqrt(1.0 - offset * offset);
             assert!((t - expected).abs() < 1e-9, "{offset}: {t} against {expected}");
         }

@@ -1,9 +1,10 @@
 //! Triangles, watertight.
 
 use glam::DVec3;
-use rayset_simd::{LaneMask, Lanes, Simd};
+use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 
 use crate::columns::Allowed;
+use crate::crossing::Crossings;
 use crate::{BoundingSphere, Probe, compare_products, enclosing_sphere};
 
 /// A triangle, in world space; its front is where its vertices go round counterclockwise.
@@ -67,14 +68,23 @@ impl Triangle {
     }
 }
 
+/// How large `(|products| of the edge functions) (range of the depths)` may be against `determinant (largest depth)`
+/// before `t` is interpolated between the edges. Derived in `docs/numerics.md`.
+const STEADY: f64 = 8.0;
+
+/// Below this, the edge functions' products may have lost digits to underflow; in world units squared.
+const LEAST_DETERMINANT: f64 = 1e-280;
+
 /// Where a ray meets triangles, a lane each: the lanes that are hit, and `t`.
 ///
 /// `vertices[v][k]` is coordinate `k` of vertex `v`, with the axes in the order of the probe's shear.
 /// In sheared space the ray is the z axis, so the triangle is hit when the origin of the xy plane lies in it:
 /// when the edge functions `u = c_x b_y - c_y b_x`, ... have one sign. A product rounds monotonically, so the
 /// computed sign is right unless the difference is zero; there the exact products decide. A ray exactly through
-/// an edge or vertex hits every triangle that shares it. `t` is the convex combination of the vertices' depths,
-/// so that it lies between the least and the greatest of them.
+/// an edge or vertex hits every triangle that shares it. `t` is the convex combination of the vertices' depths
+/// with the edge functions as weights. Their rounding errors displace the hit the farther the more edge-on the
+/// triangle is seen; beyond a bound that [`PARTITION_MARGIN`](crate::PARTITION_MARGIN) covers, `t` is interpolated
+/// between the edges instead, as in a polygon: so every hit lies on the triangle.
 ///
 /// Source: Woop, Benthin, Wald 2013, "Watertight ray/triangle intersection".
 /// Deviation: exact integers, not wider floats, decide the doubtful signs.
@@ -93,9 +103,8 @@ pub(crate) fn intersect<S: Simd>(
         let z = vertex[2] - origin[2];
         [(vertex[0] - origin[0]) - sx * z, (vertex[1] - origin[1]) - sy * z, z]
     });
-    let u = cx * by - cy * bx;
-    let v = ax * cy - ay * cx;
-    let w = bx * ay - by * ax;
+    let products = [(cx * by, cy * bx), (ax * cy, ay * cx), (bx * ay, by * ax)];
+    let [u, v, w] = products.map(|(left, right)| left - right);
     let mut negative = u.lt(zero) | v.lt(zero) | w.lt(zero);
     let mut positive = u.gt(zero) | v.gt(zero) | w.gt(zero);
     let doubtful = (u.eq(zero) | v.eq(zero) | w.eq(zero)) & !(negative & positive);
@@ -117,14 +126,38 @@ pub(crate) fn intersect<S: Simd>(
             }
         }
     }
-    let determinant = u + v + w;
-    let t = (u * (sz * az) + v * (sz * bz) + w * (sz * cz)) / determinant;
     // The edge functions are positive when the vertices go round clockwise about the ray's direction, which is
-    // counterclockwise for the eye.
-    let front = determinant.gt(zero);
-    let back = determinant.lt(zero);
-    let visible = (front & allowed.front) | (back & allowed.back);
-    (!(negative & positive) & visible & probe.in_span(t), t)
+    // counterclockwise for the eye. Their exact signs count: all three may have rounded to zero.
+    let visible = (positive & !negative & allowed.front) | (negative & !positive & allowed.back);
+    if !visible.any() {
+        return (visible, zero);
+    }
+    let (a_depth, b_depth, c_depth) = (sz * az, sz * bz, sz * cz);
+    let determinant = u + v + w;
+    let t = (u * a_depth + v * b_depth + w * c_depth) / determinant;
+    let [u_size, v_size, w_size] = products.map(|(left, right)| left.abs().max(right.abs()));
+    let depth_range = az.max(bz).max(cz) - az.min(bz).min(cz);
+    let depth_size = az.abs().max(bz.abs()).max(cz.abs());
+    let steady = ((u_size + v_size + w_size) * depth_range)
+        .lt(simd.splat_f64(STEADY) * determinant.abs() * depth_size)
+        & determinant.abs().gt(simd.splat_f64(LEAST_DETERMINANT));
+    let unsteady = visible & !steady;
+    if !unsteady.any() {
+        return (visible & probe.in_span(t), t);
+    }
+    let mut t_lanes = [0.0; MAX_LANES];
+    t.store(&mut t_lanes);
+    for (lane, t) in t_lanes.iter_mut().enumerate().take(S::F64::LANES) {
+        if unsteady.bits() >> lane & 1 == 1 {
+            let vertices = [[ax, ay, a_depth], [bx, by, b_depth], [cx, cy, c_depth]];
+            // NaN lies in no span.
+            let depth =
+                Crossings::depth_in_triangle(vertices.map(|vertex| vertex.map(|value| value.lane(lane))));
+            *t = depth.unwrap_or(f64::NAN);
+        }
+    }
+    let t = simd.load_f64(&t_lanes);
+    (visible & probe.in_span(t), t)
 }
 
 #[cfg(test)]

@@ -7,13 +7,13 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
-    BoundingSphere, ColumnHit, ColumnRun, Departure, PARTITION_MARGIN, Primitive, PrimitiveColumns, PrimitiveKind,
-    Probe, Ray, Side, Sides, Span, VolumeSet, enclosing_sphere,
+    BoundingSphere, ColumnHit, ColumnRun, Departure, PARTITION_MARGIN, Primitive, PrimitiveColumns,
+    PrimitiveKind, Probe, Ray, Side, Sides, Span, VolumeSet, enclosing_sphere,
 };
 use rayset_simd::{Backend, Kernel, Simd};
 
 fn config(cases: u32) -> ProptestConfig {
-    ProptestConfig { cases, rng_seed: RngSeed::Fixed(1985), ..ProptestConfig::default() }
+    ProptestConfig { cases: std::env::var("CASES").map_or(cases, |c| c.parse().unwrap()), rng_seed: std::env::var("SEED").map_or(RngSeed::Fixed(1985), |c| RngSeed::Fixed(c.parse().unwrap())), ..ProptestConfig::default() }
 }
 
 /// The coordinates that rounding is relative to: the origin's largest and the primitives' largest, in world units.
@@ -21,51 +21,37 @@ fn coordinates(ray: &Ray, primitives: &[Primitive]) -> f64 {
     ray.origin().abs().max_element() + primitives.iter().map(Primitive::extent).fold(0.0, f64::max)
 }
 
-fn distance_to_segment(point: DVec3, a: DVec3, b: DVec3) -> f64 {
+fn nearest_on_segment(point: DVec3, [a, b]: [DVec3; 2]) -> DVec3 {
     let along = (point - a).dot(b - a) / (b - a).length_squared();
     let along = if along.is_finite() { along.clamp(0.0, 1.0) } else { 0.0 };
-    point.distance(a + along * (b - a))
+    a + along * (b - a)
 }
 
-/// An upper bound on the distance from a triangle, tight to a few roundings of the coordinates.
-fn distance_to_triangle(point: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
-    let edges = [(a, b), (b, c), (c, a)].map(|(p, q)| distance_to_segment(point, p, q));
-    let nearest_edge = edges.into_iter().fold(f64::INFINITY, f64::min);
-    let normal = (b - a).cross(c - a);
-    let inside = |p: DVec3, q: DVec3| (q - p).cross(point - p).dot(normal) >= 0.0;
-    match rayset_geometry::unit(normal) {
-        Some(unit) if inside(a, b) && inside(b, c) && inside(c, a) => nearest_edge.min((point - a).dot(unit).abs()),
-        _ => nearest_edge,
-    }
+/// The distance from a flat surface with these corners, tight to a few roundings of the coordinates.
+///
+/// The height over the plane is taken from the nearest point of the outline, since the normal of a sliver is too
+/// inaccurate for a longer lever.
+fn distance_to_flat(point: DVec3, corners: &[DVec3], normal: DVec3) -> f64 {
+    let edge = |i: usize| nearest_on_segment(point, [corners[i], corners[(i + 1) % corners.len()]]);
+    let outline = (0..corners.len()).map(edge).min_by(|p, q| p.distance(point).total_cmp(&q.distance(point)));
+    let from_outline = point - outline.expect("there are corners");
+    if winds_around(corners, normal, point) { from_outline.dot(normal).abs() } else { from_outline.length() }
 }
 
 /// How far a point is from a primitive's surface, in world units.
 fn distance_to_surface(primitive: &Primitive, point: DVec3) -> f64 {
     match primitive {
         Primitive::Sphere(s) => (point.distance(s.center()) - s.radius()).abs(),
-        Primitive::Triangle(t) => distance_to_triangle(point, *t.vertices()),
-        Primitive::Polygon(p) => {
-            // Every generated polygon is star-shaped about a point between opposite corners, but not known to
-            // be so about any vertex: the plane and the nearest edge tell outside from inside.
-            let n = p.vertices().len();
-            let edge = |i: usize| distance_to_segment(point, p.vertices()[i], p.vertices()[(i + 1) % n]);
-            let nearest_edge = (0..n).map(edge).fold(f64::INFINITY, f64::min);
-            if winds_around(p.vertices(), p.normal(), point) {
-                nearest_edge.min((point - p.vertices()[0]).dot(p.normal()).abs())
-            } else {
-                nearest_edge
-            }
-        }
+        Primitive::Triangle(t) => distance_to_flat(point, t.vertices(), t.normal()),
+        Primitive::Polygon(p) => distance_to_flat(point, p.vertices(), p.normal()),
         Primitive::Cone(c) => {
             let from_base = point - c.base();
             let along = from_base.dot(c.axis());
             let lateral = (from_base - along * c.axis()).length();
             let height = c.base().distance(c.apex());
-            distance_to_segment(
-                DVec3::new(lateral, along, 0.0),
-                DVec3::new(c.base_radius(), 0.0, 0.0),
-                DVec3::new(c.apex_radius(), height, 0.0),
-            )
+            let seen = DVec3::new(lateral, along, 0.0);
+            let generator = [DVec3::new(c.base_radius(), 0.0, 0.0), DVec3::new(c.apex_radius(), height, 0.0)];
+            seen.distance(nearest_on_segment(seen, generator))
         }
     }
 }
@@ -115,14 +101,13 @@ fn bits(hit: Option<ColumnHit>) -> Option<(u64, u32)> {
 
 /// Several primitives near each other, all within `scale` of each other.
 fn group(sizes: std::ops::RangeInclusive<usize>) -> impl Strategy<Value = Vec<Primitive>> {
-    (scale(), vector(), prop::collection::vec(prop::sample::select(vec![1.0, 0.1, 1e-3]), sizes)).prop_flat_map(
-        |(scale, center, sizes)| {
+    (scale(), vector(), prop::collection::vec(prop::sample::select(vec![1.0, 0.1, 1e-3]), sizes))
+        .prop_flat_map(|(scale, center, sizes)| {
             let member = |size: f64| {
                 vector().prop_flat_map(move |offset| primitive(scale * (center + 0.5 * offset), scale * size))
             };
             sizes.into_iter().map(member).collect::<Vec<_>>()
-        },
-    )
+        })
 }
 
 fn aimed(primitive: &Primitive, aim: &Aim) -> Result<Ray, TestCaseError> {

@@ -7,8 +7,11 @@ pub type Color = DVec3;
 
 /// The terms of Whitted's shading rule, with Phong's highlight.
 ///
-/// `I = emission + Ia diffuse + sum_j I_j (diffuse (N . L_j) + specular (R . L_j)^shininess)
-///    + reflectance S + transmittance T`,
+/// ```text
+/// I = emission + Ia diffuse + sum_j I_j (diffuse (N . L_j) + specular (R . L_j)^shininess)
+///   + reflectance S + transmittance T
+/// ```
+///
 /// with the sum over the lights that are not hidden, `S` the intensity along the reflected ray and `T` along the
 /// refracted one.
 ///

@@ -18,7 +18,7 @@ pub enum SphereSize {
 
 /// Spheres at random positions in the cube from (-1, -1, -1) to (1, 1, 1), seen from (0, 0, 4).
 ///
-/// The scene depends on these values alone: the generator is ChaCha with 8 rounds, keyed with the seed, and its
+/// The scene depends on these values alone: the generator is `ChaCha` with 8 rounds, keyed with the seed, and its
 /// words are turned into numbers here, so no release of a random number crate can change it.
 ///
 /// Every sphere is diffuse with a random colour and reflects `reflectance` of the light; each fourth one

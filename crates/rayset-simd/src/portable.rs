@@ -118,7 +118,6 @@ macro_rules! array_lanes {
                 $mask::of(|i| self.0[i] <= other.0[i])
             }
             #[inline(always)]
-            #[expect(clippy::float_cmp, reason = "the comparison is the operation itself")]
             fn eq(self, other: Self) -> $mask {
                 $mask::of(|i| self.0[i] == other.0[i])
             }

@@ -54,7 +54,6 @@ macro_rules! scalar_lanes {
                 self <= other
             }
             #[inline(always)]
-            #[expect(clippy::float_cmp, reason = "the comparison is the operation itself")]
             fn eq(self, other: Self) -> bool {
                 self == other
             }

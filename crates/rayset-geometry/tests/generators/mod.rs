@@ -28,7 +28,8 @@ pub fn unit_vector() -> impl Strategy<Value = DVec3> {
 
 /// A unit vector along an axis; its other components are zeros of either sign, or subnormal.
 fn axis_parallel() -> impl Strategy<Value = DVec3> {
-    let tiny = || select(vec![0.0, -0.0, f64::from_bits(1), -f64::from_bits(1), 1e-310, -f64::MIN_POSITIVE / 2.0]);
+    let tiny =
+        || select(vec![0.0, -0.0, f64::from_bits(1), -f64::from_bits(1), 1e-310, -f64::MIN_POSITIVE / 2.0]);
     (0..3_usize, select(vec![1.0, -1.0]), tiny(), tiny()).prop_map(|(axis, sign, a, b)| {
         let mut direction = [sign, a, b];
         direction.rotate_right(axis);
@@ -53,10 +54,12 @@ fn sphere(center: DVec3, size: f64) -> impl Strategy<Value = Primitive> {
 
 /// A triangle near `center`, now and then a sliver.
 fn triangle(center: DVec3, size: f64) -> impl Strategy<Value = Primitive> {
-    ([vector(), vector(), vector()], select(vec![1.0, 1.0, 1e-3, 1e-12])).prop_map(move |([a, b, c], width)| {
-        let c = (a + b) * 0.5 + (c - a) * width;
-        Triangle::new(center + size * a, center + size * b, center + size * c).into()
-    })
+    ([vector(), vector(), vector()], select(vec![1.0, 1.0, 1e-3, 1e-12])).prop_map(
+        move |([a, b, c], width)| {
+            let c = (a + b) * 0.5 + (c - a) * width;
+            Triangle::new(center + size * a, center + size * b, center + size * c).into()
+        },
+    )
 }
 
 /// A polygon round `center` with three to eight corners, star-shaped about it; concave more often than not.
@@ -83,7 +86,8 @@ fn cone(center: DVec3, size: f64) -> impl Strategy<Value = Primitive> {
         move |(a, b, base, apex, height, is_cylinder)| {
             let apex_radius = if is_cylinder { base } else { apex };
             let end = a + height * (b - a);
-            Cone::new(center + size * a, size * base, center + size * end, size * apex_radius).map(Primitive::from)
+            Cone::new(center + size * a, size * base, center + size * end, size * apex_radius)
+                .map(Primitive::from)
         },
     )
 }
@@ -124,17 +128,23 @@ enum From {
 
 /// Rays that hit, miss or graze in all the ways that have ever been trouble.
 pub fn aim() -> impl Strategy<Value = Aim> {
-    let pick = || (0..8_usize, select(vec![0.0, 0.0, 0.5, 1.0]).prop_union(select(vec![0.3, 0.1, 0.01, 1e-9])));
+    let pick =
+        || (0..8_usize, select(vec![0.0, 0.0, 0.5, 1.0]).prop_union(select(vec![0.3, 0.1, 0.01, 1e-9])));
     let offset_size = select(vec![0.0, 0.0, 1e-16, 1e-12, 1e-6, 1e-2, 1.0]);
     let tilt = select(vec![0.0, 1e-17, 1e-16, 1e-14, 1e-12, 1e-9, 1e-6, 1e-3]);
     let from = prop_oneof![
         vector().prop_map(From::Near),
         unit_vector().prop_map(From::Far),
-        (axis_parallel(), select(vec![0.1, 1.0, 3.0, 1e3])).prop_map(|(d, distance)| From::Along(d, distance)),
-        (vector(), tilt, select(vec![0.1, 1.0, 3.0, 1e3])).prop_map(|(d, tilt, far)| From::Grazing(d, tilt, far)),
+        (axis_parallel(), select(vec![0.1, 1.0, 3.0, 1e3]))
+            .prop_map(|(d, distance)| From::Along(d, distance)),
+        (vector(), tilt, select(vec![0.1, 1.0, 3.0, 1e3]))
+            .prop_map(|(d, tilt, far)| From::Grazing(d, tilt, far)),
     ];
-    ([pick(), pick(), pick()], vector(), offset_size, from)
-        .prop_map(|(picks, offset, size, from)| Aim { picks, offset: size * offset, from })
+    ([pick(), pick(), pick()], vector(), offset_size, from).prop_map(|(picks, offset, size, from)| Aim {
+        picks,
+        offset: size * offset,
+        from,
+    })
 }
 
 impl Aim {
@@ -167,9 +177,10 @@ impl Aim {
 /// Points of the surface that span it.
 pub fn features(primitive: &Primitive) -> Vec<DVec3> {
     match primitive {
-        Primitive::Sphere(s) => {
-            DVec3::AXES.iter().flat_map(|&a| [s.center() + s.radius() * a, s.center() - s.radius() * a]).collect()
-        }
+        Primitive::Sphere(s) => DVec3::AXES
+            .iter()
+            .flat_map(|&a| [s.center() + s.radius() * a, s.center() - s.radius() * a])
+            .collect(),
         Primitive::Triangle(t) => t.vertices().to_vec(),
         Primitive::Polygon(p) => p.vertices().to_vec(),
         Primitive::Cone(c) => {

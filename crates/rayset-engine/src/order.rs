@@ -1,0 +1,108 @@
+//! The order in which a sweep visits pixels.
+
+use std::ops::Range;
+
+/// An order of the pixels of a band of rows: a permutation of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum PixelOrder {
+    /// Row by row, each from left to right: the paper's two nested loops.
+    #[default]
+    Scanline,
+    /// Row by row, odd rows from right to left.
+    Serpentine,
+    /// Square tiles of this many pixels a side, row by row; inside a tile row by row.
+    Tiles(u32),
+}
+
+/// How much of an image a sweep covers: what a strategy retains never crosses from one sweep to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SweepLength {
+    /// A band of rows, rounded up to whole tiles.
+    Rows(u32),
+    /// All of the image, as in the paper; on one thread, therefore.
+    WholeImage,
+}
+
+impl Default for SweepLength {
+    fn default() -> Self {
+        Self::Rows(16)
+    }
+}
+
+impl PixelOrder {
+    /// The bands of rows that an image is cut into, from the top.
+    pub(crate) fn sweeps(self, height: u32, length: SweepLength) -> Vec<Range<u32>> {
+        let unit = match self {
+            Self::Scanline | Self::Serpentine => 1,
+            Self::Tiles(size) => size.max(1),
+        };
+        let rows = match length {
+            SweepLength::WholeImage => height,
+            SweepLength::Rows(rows) => rows.max(1).div_ceil(unit).saturating_mul(unit),
+        };
+        (0..height)
+            .step_by(rows as usize)
+            .map(|start| start..start.saturating_add(rows).min(height))
+            .collect()
+    }
+
+    /// Appends the pixels `(x, y)` of a band of rows in order.
+    pub(crate) fn extend_with_pixels(self, pixels: &mut Vec<(u32, u32)>, width: u32, rows: Range<u32>) {
+        match self {
+            Self::Scanline => pixels.extend(rows.flat_map(|y| (0..width).map(move |x| (x, y)))),
+            Self::Serpentine => pixels.extend(
+                rows.flat_map(|y| (0..width).map(move |x| (if y % 2 == 0 { x } else { width - 1 - x }, y))),
+            ),
+            Self::Tiles(size) => {
+                let size = size.max(1);
+                for tile_y in rows.clone().step_by(size as usize) {
+                    for tile_x in (0..width).step_by(size as usize) {
+                        let (end_x, end_y) = (
+                            tile_x.saturating_add(size).min(width),
+                            tile_y.saturating_add(size).min(rows.end),
+                        );
+                        pixels.extend((tile_y..end_y).flat_map(|y| (tile_x..end_x).map(move |x| (x, y))));
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ORDERS: [PixelOrder; 5] = [
+        PixelOrder::Scanline,
+        PixelOrder::Serpentine,
+        PixelOrder::Tiles(1),
+        PixelOrder::Tiles(4),
+        PixelOrder::Tiles(0),
+    ];
+
+    #[test]
+    fn every_order_visits_every_pixel_once() {
+        for order in ORDERS {
+            for length in [SweepLength::Rows(1), SweepLength::Rows(5), SweepLength::WholeImage] {
+                let mut pixels = Vec::new();
+                for band in order.sweeps(11, length) {
+                    order.extend_with_pixels(&mut pixels, 7, band);
+                }
+                assert_eq!(pixels.len(), 77, "{order:?} {length:?}");
+                pixels.sort_unstable();
+                pixels.dedup();
+                assert_eq!(pixels.len(), 77, "{order:?} {length:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn tiles_stay_whole() {
+        let bands = PixelOrder::Tiles(4).sweeps(11, SweepLength::Rows(5));
+        assert_eq!(bands, [0..8, 8..11]);
+        let mut pixels = Vec::new();
+        PixelOrder::Tiles(2).extend_with_pixels(&mut pixels, 3, 0..2);
+        assert_eq!(pixels, [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (2, 1)]);
+    }
+}

@@ -1,0 +1,374 @@
+//! The questions a strategy answers, and their answers.
+
+use rayset_geometry::glam::DVec3;
+use rayset_geometry::{Ray, Side, Span};
+use rayset_scene::{LightId, ObjectId, PrimitiveId};
+
+use crate::Work;
+
+/// The greatest depth of a tree: the initial ray has depth 1.
+///
+/// A bundle shrinks as the depth grows, so that its trees never hold more than 2^22 rays; beyond this depth a single
+/// tree could.
+pub const MAX_DEPTH: u32 = 20;
+
+/// Why a ray is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum RayKind {
+    /// From the viewpoint.
+    Initial,
+    /// Reflected by a surface.
+    Reflected,
+    /// Refracted by a surface.
+    Refracted,
+    /// Towards a light.
+    Shadow,
+}
+
+impl RayKind {
+    /// All kinds, in the order of the enum.
+    pub const ALL: [Self; 4] = [Self::Initial, Self::Reflected, Self::Refracted, Self::Shadow];
+
+    /// The name in lower case.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Initial => "initial",
+            Self::Reflected => "reflected",
+            Self::Refracted => "refracted",
+            Self::Shadow => "shadow",
+        }
+    }
+}
+
+/// The number of a ray-set, an initial ray and all its descendants, in the order in which a sweep visits pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct RaySetIndex(pub u32);
+
+/// The place of a ray in its intersection tree.
+///
+/// Slots number the binary tree like a heap: the root is 1, the ray reflected from slot `s` is `2 s`, the one
+/// refracted is `2 s + 1`. Corresponding rays of two ray-sets have the same slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Slot(pub u32);
+
+impl Slot {
+    /// The slot of every initial ray.
+    pub const ROOT: Self = Self(1);
+
+    /// The slot of the ray reflected where this one hits.
+    #[must_use]
+    pub fn reflected(self) -> Self {
+        Self(self.0 * 2)
+    }
+
+    /// The slot of the ray refracted where this one hits.
+    #[must_use]
+    pub fn refracted(self) -> Self {
+        Self(self.0 * 2 + 1)
+    }
+
+    /// The level of recursion: 1 for the root.
+    #[must_use]
+    pub fn depth(self) -> u32 {
+        u32::BITS - self.0.leading_zeros()
+    }
+
+    /// What kind of ray has this slot.
+    #[must_use]
+    pub fn kind(self) -> RayKind {
+        match self.0 {
+            1 => RayKind::Initial,
+            slot if slot.is_multiple_of(2) => RayKind::Reflected,
+            _ => RayKind::Refracted,
+        }
+    }
+}
+
+/// Where a ray that is not initial starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Originating {
+    /// The paper's originating object.
+    pub object: ObjectId,
+    /// The primitive it leaves.
+    pub primitive: PrimitiveId,
+    /// The side of that primitive into which it leaves.
+    pub side: Side,
+}
+
+/// What does this ray hit first?
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayQuery {
+    /// The ray-set it belongs to.
+    pub ray_set: RaySetIndex,
+    /// Its place in the tree.
+    pub slot: Slot,
+    /// What it leaves; `None` for an initial ray.
+    pub originating: Option<Originating>,
+    /// The ray.
+    pub ray: Ray,
+    /// Where hits count.
+    pub span: Span,
+}
+
+/// Is this light hidden?
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadowQuery {
+    /// The ray-set it belongs to.
+    pub ray_set: RaySetIndex,
+    /// The slot of the ray that hit the point whose light is asked for.
+    pub slot: Slot,
+    /// The light.
+    pub light: LightId,
+    /// What it leaves.
+    pub originating: Originating,
+    /// The ray from the point towards the light.
+    pub ray: Ray,
+    /// Where a blocker counts: up to the light; infinite for a directional light.
+    pub span: Span,
+}
+
+/// The nearest intersection of a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The distance along the ray, in world units.
+    pub t: f64,
+    /// The object.
+    pub object: ObjectId,
+    /// The primitive.
+    pub primitive: PrimitiveId,
+}
+
+impl Hit {
+    /// Whether this hit comes before another in the order `(t, object, primitive)`.
+    #[must_use]
+    #[inline]
+    pub fn precedes(&self, other: &Self) -> bool {
+        let ids = |hit: &Self| (hit.object, hit.primitive);
+        self.t.total_cmp(&other.t).then_with(|| ids(self).cmp(&ids(other))).is_lt()
+    }
+}
+
+/// The rays of one level of a bundle of trees, as columns.
+///
+/// Within each slot they stand in increasing order of ray-sets.
+#[derive(Clone, Debug, Default)]
+pub struct Generation {
+    ray_sets: Vec<RaySetIndex>,
+    slots: Vec<Slot>,
+    origins: [Vec<f64>; 3],
+    directions: [Vec<f64>; 3],
+    starts: Vec<f64>,
+    ends: Vec<f64>,
+    originating: Vec<Option<Originating>>,
+}
+
+impl Generation {
+    /// How many rays there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Whether there is no ray.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.slots.is_empty()
+    }
+
+    /// The x, y and z of the origins.
+    #[must_use]
+    pub fn origins(&self) -> &[Vec<f64>; 3] {
+        &self.origins
+    }
+
+    /// The x, y and z of the unit directions.
+    #[must_use]
+    pub fn directions(&self) -> &[Vec<f64>; 3] {
+        &self.directions
+    }
+
+    /// Where each span starts and ends, in world units.
+    #[must_use]
+    pub fn spans(&self) -> (&[f64], &[f64]) {
+        (&self.starts, &self.ends)
+    }
+
+    /// What each ray leaves.
+    #[must_use]
+    pub fn originating(&self) -> &[Option<Originating>] {
+        &self.originating
+    }
+
+    /// The slot of each ray.
+    #[must_use]
+    pub fn slots(&self) -> &[Slot] {
+        &self.slots
+    }
+
+    /// The ray-set of each ray.
+    #[must_use]
+    pub fn ray_sets(&self) -> &[RaySetIndex] {
+        &self.ray_sets
+    }
+
+    /// One ray.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such ray.
+    #[must_use]
+    #[inline]
+    pub fn query(&self, i: usize) -> RayQuery {
+        let vector = |columns: &[Vec<f64>; 3]| DVec3::new(columns[0][i], columns[1][i], columns[2][i]);
+        RayQuery {
+            ray_set: self.ray_sets[i],
+            slot: self.slots[i],
+            originating: self.originating[i],
+            ray: Ray::new(vector(&self.origins), vector(&self.directions)),
+            span: Span { start: self.starts[i], end: self.ends[i] },
+        }
+    }
+
+    /// Appends a ray.
+    pub fn push(&mut self, query: &RayQuery) {
+        self.ray_sets.push(query.ray_set);
+        self.slots.push(query.slot);
+        self.originating.push(query.originating);
+        let (origin, direction) = (query.ray.origin().to_array(), query.ray.direction().to_array());
+        for k in 0..3 {
+            self.origins[k].push(origin[k]);
+            self.directions[k].push(direction[k]);
+        }
+        self.starts.push(query.span.start);
+        self.ends.push(query.span.end);
+    }
+
+    /// Removes all rays and keeps the memory.
+    pub fn clear(&mut self) {
+        self.ray_sets.clear();
+        self.slots.clear();
+        self.originating.clear();
+        self.origins.iter_mut().chain(&mut self.directions).for_each(Vec::clear);
+        self.starts.clear();
+        self.ends.clear();
+    }
+}
+
+/// The light rays of one level of a bundle of trees, as columns.
+///
+/// Within each pair of slot and light they stand in increasing order of ray-sets.
+#[derive(Clone, Debug, Default)]
+pub struct ShadowGeneration {
+    rays: Generation,
+    lights: Vec<LightId>,
+}
+
+impl ShadowGeneration {
+    /// The rays; every one has an originating object.
+    #[must_use]
+    pub fn rays(&self) -> &Generation {
+        &self.rays
+    }
+
+    /// The light that each ray is for.
+    #[must_use]
+    pub fn lights(&self) -> &[LightId] {
+        &self.lights
+    }
+
+    /// How many rays there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.lights.len()
+    }
+
+    /// Whether there is no ray.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lights.is_empty()
+    }
+
+    /// One ray.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such ray.
+    #[must_use]
+    #[inline]
+    pub fn query(&self, i: usize) -> ShadowQuery {
+        let RayQuery { ray_set, slot, originating, ray, span } = self.rays.query(i);
+        let originating = originating.expect("a light ray leaves a surface");
+        ShadowQuery { ray_set, slot, light: self.lights[i], originating, ray, span }
+    }
+
+    /// Appends a ray.
+    pub fn push(&mut self, query: &ShadowQuery) {
+        let ShadowQuery { ray_set, slot, light, originating, ray, span } = *query;
+        self.rays.push(&RayQuery { ray_set, slot, originating: Some(originating), ray, span });
+        self.lights.push(light);
+    }
+
+    /// Removes all rays and keeps the memory.
+    pub fn clear(&mut self) {
+        self.rays.clear();
+        self.lights.clear();
+    }
+}
+
+/// What answering one query took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct QueryWork {
+    /// The work; what a packet of rays shares is divided evenly among them.
+    pub work: Work,
+    /// Whether the answer was coherent: found without a partition.
+    pub coherent: bool,
+}
+
+/// Answers in the order of the queries.
+#[derive(Clone, Debug)]
+pub struct Answers<T> {
+    /// One answer a query.
+    pub values: Vec<T>,
+    /// What each took; empty unless it is recorded.
+    pub work: Vec<QueryWork>,
+}
+
+impl<T> Answers<T> {
+    /// Removes all answers and keeps the memory.
+    pub fn clear(&mut self) {
+        self.values.clear();
+        self.work.clear();
+    }
+}
+
+impl<T> Default for Answers<T> {
+    fn default() -> Self {
+        Self { values: Vec::new(), work: Vec::new() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_number_the_tree_like_a_heap() {
+        assert_eq!(Slot::ROOT.depth(), 1);
+        assert_eq!(Slot::ROOT.kind(), RayKind::Initial);
+        let child = Slot::ROOT.refracted().reflected();
+        assert_eq!(child, Slot(6));
+        assert_eq!((child.depth(), child.kind()), (3, RayKind::Reflected));
+        assert_eq!(Slot(7).kind(), RayKind::Refracted);
+    }
+
+    #[test]
+    fn hits_are_ordered_by_distance_then_object_then_primitive() {
+        let hit =
+            |t, object, primitive| Hit { t, object: ObjectId(object), primitive: PrimitiveId(primitive) };
+        assert!(hit(1.0, 9, 9).precedes(&hit(2.0, 0, 0)));
+        assert!(hit(1.0, 0, 9).precedes(&hit(1.0, 1, 0)));
+        assert!(hit(1.0, 1, 0).precedes(&hit(1.0, 1, 1)));
+        assert!(!hit(1.0, 1, 1).precedes(&hit(1.0, 1, 1)));
+    }
+}

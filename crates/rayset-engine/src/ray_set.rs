@@ -1,0 +1,319 @@
+//! Grows the intersection trees of a bundle of ray-sets, one generation at a time.
+
+use std::time::{Duration, Instant};
+
+use rayset_geometry::glam::DVec3;
+use rayset_geometry::{Ray, Side, Span, unit};
+use rayset_scene::{LightId, Material, Scene};
+
+use crate::{
+    Answers, Branch, Generation, Hit, IntersectionTrees, LightState, Node, Originating, RayCounts, RayQuery,
+    RaySetIndex, ShadowGeneration, ShadowQuery, Slot, Surface, Tracer,
+};
+
+/// How far from the surface it leaves a ray begins to see other surfaces, relative to the coordinates involved.
+///
+/// A hit point is off its surface by rounding, at most some 50 units in the last place of the larger of the ray's
+/// origin and its length. A ray that leaves from there takes no notice of anything nearer than `DEPARTURE_MARGIN *
+/// (the largest coordinate of the incoming ray's origin + its length)`: of surfaces that coincide with the one it
+/// leaves. The surface itself is left by its identity, not by this margin. 2^-46 is 128 roundings; derived in
+/// `docs/numerics.md`.
+pub const DEPARTURE_MARGIN: f64 = 1.0 / (1_u64 << 46) as f64;
+
+/// When a tree stops to grow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TreeOptions {
+    /// The greatest depth; the initial ray has depth 1.
+    pub max_depth: u32,
+    /// Hall and Greenberg's adaptive termination: no ray is spawned that can contribute less than this share of its
+    /// intensity to the pixel; `None` to spawn all.
+    ///
+    /// Source: Hall, Greenberg 1983, "A testbed for realistic image synthesis"; Speer et al. 1985, section 2.2.
+    pub cutoff: Option<f64>,
+}
+
+/// Grows trees; keeps its memory from one bundle to the next.
+#[derive(Debug, Default)]
+pub struct RaySets {
+    trees: IntersectionTrees,
+    generation: Generation,
+    next: Generation,
+    shadow: ShadowGeneration,
+    /// Where in the table of light states each shadow ray's answer goes.
+    shadow_places: Vec<usize>,
+    hits: Answers<Option<Hit>>,
+    occluded: Answers<bool>,
+    tallies: Vec<RaySetTally>,
+    counts: RayCounts,
+    strategy_time: Duration,
+}
+
+/// The rays of one ray-set, counted when work is recorded.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct RaySetTally {
+    pub(crate) rays: u32,
+    pub(crate) coherent: u32,
+}
+
+impl RaySets {
+    /// The rays counted so far.
+    #[must_use]
+    pub fn counts(&self) -> &RayCounts {
+        &self.counts
+    }
+
+    /// The time spent inside the strategy's calls so far.
+    #[must_use]
+    pub fn strategy_time(&self) -> Duration {
+        self.strategy_time
+    }
+
+    /// The rays and coherent rays of each ray-set of the bundle grown last; zero unless recorded.
+    pub(crate) fn tallies(&self) -> &[RaySetTally] {
+        &self.tallies
+    }
+
+    /// Grows the trees of one bundle: the ray-sets `first`, `first + 1`, ... of the given initial rays.
+    ///
+    /// # Panics
+    ///
+    /// If there are 2^32 nodes, or the tracer does not answer every query once.
+    pub fn grow(
+        &mut self,
+        scene: &Scene,
+        tracer: &mut dyn Tracer,
+        first: RaySetIndex,
+        initial_rays: impl IntoIterator<Item = Ray>,
+        options: &TreeOptions,
+    ) -> &IntersectionTrees {
+        self.trees.nodes.clear();
+        self.trees.lights.clear();
+        self.trees.n_lights = scene.lights().len();
+        self.generation.clear();
+        for (i, ray) in initial_rays.into_iter().enumerate() {
+            let i = u32::try_from(i).expect("fewer than 2^32 ray-sets");
+            let ray_set = RaySetIndex(first.0 + i);
+            let query = RayQuery { ray_set, slot: Slot::ROOT, originating: None, ray, span: Span::FORWARD };
+            self.generation.push(&query);
+            self.trees.nodes.push(node(i, Slot::ROOT, ray.direction(), 1.0));
+        }
+        self.tallies.clear();
+        self.tallies.resize(self.generation.len(), RaySetTally::default());
+        while !self.generation.is_empty() {
+            self.grow_generation(scene, tracer, first, options);
+            std::mem::swap(&mut self.generation, &mut self.next);
+        }
+        &self.trees
+    }
+
+    /// Answers one level and gathers the next.
+    fn grow_generation(
+        &mut self,
+        scene: &Scene,
+        tracer: &mut dyn Tracer,
+        first: RaySetIndex,
+        options: &TreeOptions,
+    ) {
+        let base = self.trees.nodes.len() - self.generation.len();
+        self.hits.clear();
+        let start = Instant::now();
+        tracer.nearest_bundle(&self.generation, &mut self.hits);
+        self.strategy_time += start.elapsed();
+        assert_eq!(self.hits.values.len(), self.generation.len(), "one answer a query");
+
+        self.shadow.clear();
+        self.shadow_places.clear();
+        self.next.clear();
+        self.trees.lights.resize(self.trees.nodes.len() * self.trees.n_lights, LightState::FacesAway);
+        for i in 0..self.generation.len() {
+            let query = self.generation.query(i);
+            let tally = &mut self.counts[query.slot.kind()];
+            tally.cast += 1;
+            if let Some(hit) = self.hits.values[i] {
+                tally.hit += 1;
+                let surface = surface_at(scene, &query.ray, &hit);
+                self.trees.nodes[base + i].hit = Some((hit, surface));
+                self.push_shadow_rays(scene, &query, &hit, &surface, base + i);
+                self.push_children(scene, &query, &hit, &surface, base + i, options);
+            }
+        }
+        self.tally(first, false);
+
+        self.occluded.clear();
+        if self.shadow.is_empty() {
+            return;
+        }
+        let start = Instant::now();
+        tracer.occluded_bundle(&self.shadow, &mut self.occluded);
+        self.strategy_time += start.elapsed();
+        assert_eq!(self.occluded.values.len(), self.shadow.len(), "one answer a query");
+        for (place, &occluded) in self.shadow_places.iter().zip(&self.occluded.values) {
+            self.counts.shadow.cast += 1;
+            self.counts.shadow.hit += u64::from(occluded);
+            let state = if occluded { LightState::Hidden } else { LightState::Visible };
+            self.trees.lights[*place] = state;
+        }
+        self.tally(first, true);
+    }
+
+    /// Adds the recorded rays of a generation to their ray-sets.
+    fn tally(&mut self, first: RaySetIndex, shadow: bool) {
+        let (work, rays) = match shadow {
+            false => (&self.hits.work, &self.generation),
+            true => (&self.occluded.work, self.shadow.rays()),
+        };
+        for (work, ray_set) in work.iter().zip(rays.ray_sets()) {
+            let tally = &mut self.tallies[(ray_set.0 - first.0) as usize];
+            tally.rays += 1;
+            tally.coherent += u32::from(work.coherent);
+        }
+    }
+
+    fn push_shadow_rays(
+        &mut self,
+        scene: &Scene,
+        query: &RayQuery,
+        hit: &Hit,
+        surface: &Surface,
+        node: usize,
+    ) {
+        for (i, light) in scene.lights().iter().enumerate() {
+            let Some(illumination) = light.seen_from(surface.point) else { continue };
+            let direction = illumination.direction;
+            // Light reaches a surface from the side of both normals, or not at all.
+            if !(surface.normal.dot(direction) > 0.0 && surface.shading_normal.dot(direction) > 0.0) {
+                continue;
+            }
+            let start = departure(&query.ray, hit);
+            self.shadow.push(&ShadowQuery {
+                ray_set: query.ray_set,
+                slot: query.slot,
+                light: LightId(index(i)),
+                originating: Originating { object: hit.object, primitive: hit.primitive, side: surface.side },
+                ray: Ray::new(surface.point, direction),
+                span: Span { start, end: illumination.distance - start },
+            });
+            self.shadow_places.push(node * self.trees.n_lights + i);
+        }
+    }
+
+    fn push_children(
+        &mut self,
+        scene: &Scene,
+        query: &RayQuery,
+        hit: &Hit,
+        surface: &Surface,
+        node: usize,
+        options: &TreeOptions,
+    ) {
+        let material = &scene.materials()[surface.material.index()];
+        if query.slot.depth() >= options.max_depth || !material.is_reflective() {
+            return;
+        }
+        let (mut reflected_share, mut refracted) = (material.reflectance, None);
+        let mut total_reflection = false;
+        if material.is_transmissive() {
+            refracted = refract(query.ray.direction(), surface, material);
+            if refracted.is_none() {
+                total_reflection = true;
+                reflected_share += material.transmittance;
+            }
+        }
+        let weight = self.trees.nodes[node].weight;
+        let spawn = |sets: &mut Self, slot: Slot, direction: DVec3, share: DVec3, side: Side| {
+            let weight = weight * share.max_element();
+            if options.cutoff.is_some_and(|cutoff| weight < cutoff) {
+                return Branch::None;
+            }
+            let child = index(sets.trees.nodes.len());
+            let originating = Originating { object: hit.object, primitive: hit.primitive, side };
+            sets.next.push(&RayQuery {
+                ray_set: query.ray_set,
+                slot,
+                originating: Some(originating),
+                ray: Ray::new(surface.point, direction),
+                span: Span { start: departure(&query.ray, hit), end: f64::INFINITY },
+            });
+            let ray_set = sets.trees.nodes[node].ray_set;
+            sets.trees.nodes.push(self::node(ray_set, slot, direction, weight));
+            Branch::Node(child)
+        };
+        let direction = reflect(query.ray.direction(), surface);
+        let branch = spawn(self, query.slot.reflected(), direction, reflected_share, surface.side);
+        self.trees.nodes[node].reflected = branch;
+        let branch = match refracted {
+            Some(direction) => spawn(
+                self,
+                query.slot.refracted(),
+                direction,
+                material.transmittance,
+                surface.side.opposite(),
+            ),
+            None if total_reflection => Branch::TotalReflection,
+            None => Branch::None,
+        };
+        self.trees.nodes[node].refracted = branch;
+    }
+}
+
+fn node(ray_set: u32, slot: Slot, direction: DVec3, weight: f64) -> Node {
+    Node { ray_set, slot, direction, hit: None, weight, reflected: Branch::None, refracted: Branch::None }
+}
+
+fn index(i: usize) -> u32 {
+    u32::try_from(i).expect("a bundle holds fewer than 2^32 nodes")
+}
+
+/// Where a ray that leaves a hit begins to see other surfaces.
+fn departure(incoming: &Ray, hit: &Hit) -> f64 {
+    DEPARTURE_MARGIN * (incoming.origin().abs().max_element() + hit.t)
+}
+
+fn surface_at(scene: &Scene, ray: &Ray, hit: &Hit) -> Surface {
+    let point = ray.at(hit.t);
+    let surface = scene.surface_at(hit.primitive, point);
+    let side = if surface.normal.dot(ray.direction()) > 0.0 { Side::Back } else { Side::Front };
+    let flip = |normal: DVec3| if side == Side::Back { -normal } else { normal };
+    let normal = flip(surface.normal);
+    let shading_normal = flip(surface.shading_normal);
+    // A normal that leans over so far that the ray would come from behind it shades nothing rightly.
+    let leans_over = shading_normal.dot(ray.direction()) > 0.0;
+    let material = scene.objects()[hit.object.index()].material;
+    Surface {
+        point,
+        normal,
+        shading_normal: if leans_over { normal } else { shading_normal },
+        side,
+        material,
+    }
+}
+
+/// The direction `d - 2 (n . d) n`; about the surface's own normal where the shading normal would lead into it.
+fn reflect(d: DVec3, surface: &Surface) -> DVec3 {
+    let about = |n: DVec3| unit(d - 2.0 * n.dot(d) * n).unwrap_or(n);
+    let direction = about(surface.shading_normal);
+    if direction.dot(surface.normal) > 0.0 { direction } else { about(surface.normal) }
+}
+
+/// The refracted direction by Snell's law; `None` under total internal reflection.
+///
+/// With `eta` the ratio of the indices and `c = -n . d`: `eta d + (eta c - sqrt(1 - eta^2 (1 - c^2))) n`.
+fn refract(d: DVec3, surface: &Surface, material: &Material) -> Option<DVec3> {
+    if (material.index - 1.0).abs() <= 0.0 {
+        return Some(d);
+    }
+    let eta = match surface.side {
+        Side::Front => 1.0 / material.index,
+        Side::Back => material.index,
+    };
+    let about = |n: DVec3| {
+        let cosine = -n.dot(d);
+        let discriminant = 1.0 - eta * eta * (1.0 - cosine * cosine);
+        if discriminant < 0.0 {
+            return None;
+        }
+        unit(eta * d + (eta * cosine - discriminant.sqrt()) * n)
+    };
+    let direction = about(surface.shading_normal)?;
+    if direction.dot(surface.normal) < 0.0 { Some(direction) } else { about(surface.normal) }
+}

@@ -1,0 +1,141 @@
+//! What a strategy did: exact counts.
+
+use std::fmt;
+use std::ops::{AddAssign, Sub};
+
+use crate::{ByKind, Histogram};
+
+/// Work, in counts that depend on strategy and options, and never on the number of threads or of lanes.
+///
+/// Those of `speer-1985` also depend on the pixel order and on where sweeps begin, since it keeps what it learnt.
+/// None depends on the bundle length.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Work {
+    /// Region partitions: the `k n` term of section 3 is one of them.
+    pub partitions: u64,
+    /// Volumes classified by partitions into B, N and I.
+    pub volumes_classified: u64,
+    /// Primitives tested for a hit, one at a time as a scalar loop would.
+    pub primitive_tests: u64,
+    /// Pierce checks, of two point tests each.
+    pub pierce_checks: u64,
+    /// Cylinders built.
+    pub cylinders_built: u64,
+    /// Members of N looked at for the radius of a cylinder: the `lambda n` term of section 3.
+    pub radius_comparisons: u64,
+}
+
+/// How the rays of one kind fared with what was retained.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct CoherenceCounts {
+    /// Rays for which the retained tree had a corresponding ray with a certificate.
+    pub guided: u64,
+    /// Guided rays that missed the predicted object.
+    pub predicted_missed: u64,
+    /// Guided rays that hit the predicted object, but pierced the cylinder.
+    pub pierced: u64,
+    /// Pierced rays that a nearer object intercepted indeed: the case of Figure 2.
+    pub false_coherence: u64,
+    /// Rays answered without a partition.
+    pub coherent: u64,
+    /// Coherent answers that a partition contradicts; counted only in an audit.
+    pub wrong: u64,
+}
+
+/// Everything a strategy counted in one or more sweeps.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// The work done.
+    pub work: Work,
+    /// How the rays fared, by kind.
+    pub coherence: ByKind<CoherenceCounts>,
+    /// Radii of the cylinders built, in units of the scene's extent.
+    pub radii: Histogram,
+    /// Lengths of the cylinders built, in units of the scene's extent.
+    pub lengths: Histogram,
+}
+
+impl Work {
+    /// The work in tests of one primitive or volume: primitive tests, volumes classified, two for each pierce check,
+    /// and radius comparisons.
+    ///
+    /// Source: Speer et al. 1985, section 4 ("about as much as two ray-sphere intersection tests").
+    #[must_use]
+    pub fn in_tests(&self) -> u64 {
+        self.primitive_tests + self.volumes_classified + 2 * self.pierce_checks + self.radius_comparisons
+    }
+}
+
+impl AddAssign for Work {
+    fn add_assign(&mut self, other: Self) {
+        self.partitions += other.partitions;
+        self.volumes_classified += other.volumes_classified;
+        self.primitive_tests += other.primitive_tests;
+        self.pierce_checks += other.pierce_checks;
+        self.cylinders_built += other.cylinders_built;
+        self.radius_comparisons += other.radius_comparisons;
+    }
+}
+
+impl Sub for Work {
+    type Output = Self;
+
+    /// What was done since an earlier count.
+    fn sub(self, earlier: Self) -> Self {
+        Self {
+            partitions: self.partitions - earlier.partitions,
+            volumes_classified: self.volumes_classified - earlier.volumes_classified,
+            primitive_tests: self.primitive_tests - earlier.primitive_tests,
+            pierce_checks: self.pierce_checks - earlier.pierce_checks,
+            cylinders_built: self.cylinders_built - earlier.cylinders_built,
+            radius_comparisons: self.radius_comparisons - earlier.radius_comparisons,
+        }
+    }
+}
+
+impl AddAssign for CoherenceCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.guided += other.guided;
+        self.predicted_missed += other.predicted_missed;
+        self.pierced += other.pierced;
+        self.false_coherence += other.false_coherence;
+        self.coherent += other.coherent;
+        self.wrong += other.wrong;
+    }
+}
+
+impl AddAssign<&Self> for Stats {
+    fn add_assign(&mut self, other: &Self) {
+        self.work += other.work;
+        self.coherence += other.coherence;
+        self.radii += &other.radii;
+        self.lengths += &other.lengths;
+    }
+}
+
+impl fmt::Display for Stats {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Work {
+            partitions,
+            volumes_classified,
+            primitive_tests,
+            pierce_checks,
+            cylinders_built,
+            radius_comparisons,
+        } = self.work;
+        writeln!(f, "{partitions} partitions, {volumes_classified} volumes classified")?;
+        writeln!(f, "{primitive_tests} primitive tests, {pierce_checks} pierce checks")?;
+        writeln!(f, "{cylinders_built} cylinders built, {radius_comparisons} radius comparisons")?;
+        for (kind, counts) in self.coherence.iter() {
+            let CoherenceCounts { guided, predicted_missed, pierced, false_coherence, coherent, wrong } =
+                counts;
+            writeln!(
+                f,
+                "{:9} rays: {guided} guided, {predicted_missed} missed the prediction, {pierced} pierced, \
+                 {false_coherence} of them falsely coherent, {coherent} coherent, {wrong} wrong",
+                kind.name()
+            )?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,95 @@
+//! The strategies by name.
+
+use std::fmt;
+use std::str::FromStr;
+
+use rayset_scene::Scene;
+use rayset_simd::Backend;
+
+use crate::{IntersectionStrategy, Speer1985, Speer1985Options, Standard};
+
+/// A strategy, not yet bound to a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum StrategyKind {
+    /// [`Standard`].
+    Standard,
+    /// [`Speer1985`] with its default options; the one strategy that is not exact.
+    Speer1985,
+}
+
+/// The text is not the name of a strategy.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownStrategy {
+    name: String,
+}
+
+impl StrategyKind {
+    /// Every strategy.
+    pub const ALL: &[Self] = &[Self::Standard, Self::Speer1985];
+
+    /// The name by which options and reports know it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Standard => "standard",
+            Self::Speer1985 => "speer-1985",
+        }
+    }
+
+    /// Binds the strategy to a scene, on the lanes of [`Backend::active`].
+    #[must_use]
+    pub fn bind(self, scene: &Scene) -> Box<dyn IntersectionStrategy + '_> {
+        self.bind_on(scene, Backend::active())
+    }
+
+    /// Binds the strategy to a scene, on the lanes of a backend.
+    #[must_use]
+    pub fn bind_on(self, scene: &Scene, backend: Backend) -> Box<dyn IntersectionStrategy + '_> {
+        match self {
+            Self::Standard => Box::new(Standard::on(scene, backend)),
+            Self::Speer1985 => Box::new(Speer1985::on(scene, backend, Speer1985Options::default())),
+        }
+    }
+}
+
+impl fmt::Display for StrategyKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for StrategyKind {
+    type Err = UnknownStrategy;
+
+    fn from_str(name: &str) -> Result<Self, UnknownStrategy> {
+        let kind = Self::ALL.iter().copied().find(|kind| kind.name() == name);
+        kind.ok_or_else(|| UnknownStrategy { name: name.to_owned() })
+    }
+}
+
+impl fmt::Display for UnknownStrategy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "`{}` is no strategy; there are", self.name)?;
+        for (i, kind) in StrategyKind::ALL.iter().enumerate() {
+            write!(f, "{} {kind}", if i == 0 { "" } else { "," })?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for UnknownStrategy {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_strategy_is_known_by_its_name() {
+        for &kind in StrategyKind::ALL {
+            assert_eq!(kind.name().parse(), Ok(kind));
+        }
+        let error = "octree".parse::<StrategyKind>().unwrap_err();
+        assert_eq!(error.to_string(), "`octree` is no strategy; there are standard, speer-1985");
+    }
+}

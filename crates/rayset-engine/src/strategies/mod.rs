@@ -1,0 +1,13 @@
+//! The intersection strategies.
+
+mod kind;
+mod partition;
+mod speer_1985;
+mod standard;
+
+pub use kind::{StrategyKind, UnknownStrategy};
+pub use speer_1985::{
+    BlockerRule, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,
+    Speer1985, Speer1985Options,
+};
+pub use standard::Standard;
