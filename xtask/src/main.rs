@@ -1,1 +1,64 @@
-fn main() {}
+//! The regression and statistics suite of rayset: `cargo xtask --help`.
+#![expect(clippy::print_stdout, reason = "a command prints its results")]
+
+mod bless;
+mod golden;
+mod project;
+mod regress;
+mod repro_table1;
+mod test;
+mod tidy;
+
+use std::error::Error;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// What every task returns.
+type Outcome = Result<(), Box<dyn Error>>;
+
+/// The regression and statistics suite of rayset.
+#[derive(Parser)]
+#[command(name = "cargo xtask", version, disable_help_subcommand = true)]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Reproduces Table 1 of the paper: prints it beside ours and writes tables, plot and pictures.
+    ReproTable1(repro_table1::Options),
+    /// Runs all checks: format, lints, tests with and without default features, documentation, layers, regressions.
+    Test(test::Options),
+    /// Renders the golden scenes with every exact strategy and compares them with fixtures/golden, bit by bit.
+    Regress,
+    /// Accepts what is rendered now: writes goldens, snapshots, docs/table1.md, and the README's picture and table.
+    Bless(bless::Options),
+    /// Checks the layers: which crate may depend on which, and where `unsafe` may stand.
+    Tidy,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let outcome = match arguments.task {
+        Task::ReproTable1(options) => repro_table1::run(&options),
+        Task::Test(options) => test::run(&options),
+        Task::Regress => regress::run(),
+        Task::Bless(options) => bless::run(&options),
+        Task::Tidy => tidy::run(),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprint!("error: {error}");
+            let mut cause = error.source();
+            while let Some(error) = cause {
+                eprint!(": {error}");
+                cause = error.source();
+            }
+            eprintln!();
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -2,18 +2,27 @@
 
 mod generators;
 
-use generators::{Aim, aim, any_primitive, departure, features, primitive, scale, sides, vector};
+use generators::{
+    Aim, aim, any_primitive, departure, features, primitive, scale, sides, unit_vector, vector,
+};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
-    BoundingSphere, ColumnHit, ColumnRun, Departure, PARTITION_MARGIN, Primitive, PrimitiveColumns,
-    PrimitiveKind, Probe, Ray, Side, Sides, Span, VolumeSet, enclosing_sphere,
+    BoundingPlane, BoundingSphere, ColumnHit, ColumnRun, Cone, Cylinder, Departure, PARTITION_MARGIN,
+    Polygon, Primitive, PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
+    VolumeSet, compare_products, enclosing_sphere, unit,
 };
 use rayset_simd::{Backend, Kernel, Simd};
 
 fn config(cases: u32) -> ProptestConfig {
-    ProptestConfig { cases: std::env::var("CASES").map_or(cases, |c| c.parse().unwrap()), rng_seed: std::env::var("SEED").map_or(RngSeed::Fixed(1985), |c| RngSeed::Fixed(c.parse().unwrap())), ..ProptestConfig::default() }
+    ProptestConfig {
+        cases: std::env::var("CASES").map_or(cases, |c| c.parse().unwrap()),
+        rng_seed: std::env::var("SEED").map_or(RngSeed::Fixed(1985), |c| RngSeed::Fixed(c.parse().unwrap())),
+        ..ProptestConfig::default()
+    }
 }
 
 /// The coordinates that rounding is relative to: the origin's largest and the primitives' largest, in world units.
@@ -129,6 +138,11 @@ proptest! {
         prop_assert!(outside <= PARTITION_MARGIN * size, "{:?}: {} outside, {:e}", primitive.kind(), outside, outside / size);
         let allowed = SURFACE_MARGIN * size
             + if primitive.kind() == PrimitiveKind::Cone { CONE_MARGIN * bounds.radius } else { 0.0 };
+        // A concave polygon seen edge-on is only known to be hit inside its convex hull.
+        let facing = primitive.normal_at(point).dot(ray.direction()).abs() * bounds.radius;
+        if primitive.kind() == PrimitiveKind::Polygon && facing <= 4.0 * PARTITION_MARGIN * size {
+            return Ok(());
+        }
         let off = distance_to_surface(&primitive, point);
         prop_assert!(off <= allowed, "{:?}: {:e} off, allowed {:e}", primitive.kind(), off, allowed);
     }
@@ -186,13 +200,267 @@ proptest! {
     }
 
     #[test]
+    fn near_parallel_ray_hits_a_cone_inside_its_bounds(
+        (cone, along, tilt, offset) in (any_cone(), -1.0..3.0, vector(), vector()),
+        (tilt_size, offset_size) in (tiny_size(), tiny_size()),
+    ) {
+        let Primitive::Cone(c) = &cone else { unreachable!() };
+        // Parallel to the axis, or to a generator, beside it.
+        let outward = c.axis().any_orthonormal_vector();
+        let (from, to) = (c.base() + c.base_radius() * outward, c.apex() + c.apex_radius() * outward);
+        let size = cone.bounding_sphere().radius;
+        for direction in [to - from, c.apex() - c.base()] {
+            let Some(direction) = unit(direction + tilt_size * size * tilt) else { continue };
+            let ray = Ray::new(from - along * size * direction + offset_size * size * offset, direction);
+            for sides in [Sides::Front, Sides::Back, Sides::Both] {
+                let Some(t) = cone.intersect(&ray, Span::FORWARD, sides, None) else { continue };
+                let bounds = cone.bounding_sphere();
+                let outside = ray.at(t).distance(bounds.center) - bounds.radius;
+                let margin = PARTITION_MARGIN * coordinates(&ray, std::slice::from_ref(&cone));
+                prop_assert!(outside <= margin, "{:e} outside, {:e} allowed", outside, margin);
+            }
+        }
+    }
+
+    #[test]
+    fn ray_reflected_off_the_outside_of_a_sphere_never_returns(
+        (center, radius, scale, aim) in (vector(), 0.01..1.0, scale(), aim()),
+    ) {
+        let sphere = Primitive::from(Sphere::new(scale * center, scale * radius));
+        let ray = aimed(&sphere, &aim)?;
+        let Some(t) = sphere.intersect(&ray, Span::FORWARD, Sides::Front, None) else { return Ok(()) };
+        let (point, d) = (ray.at(t), ray.direction());
+        let normal = sphere.normal_at(point);
+        let Some(reflected) = unit(d - 2.0 * d.dot(normal) * normal) else { return Ok(()) };
+        let reflected = Ray::new(point, reflected);
+        prop_assert_eq!(sphere.intersect(&reflected, Span::FORWARD, Sides::Both, Some(Side::Front)), None);
+    }
+
+    #[test]
+    fn ray_refracted_into_a_sphere_hits_its_back_once(
+        (center, radius, scale, aim, index) in (vector(), 0.01..1.0, scale(), aim(), 1.05..2.5),
+    ) {
+        let sphere = Primitive::from(Sphere::new(scale * center, scale * radius));
+        let ray = aimed(&sphere, &aim)?;
+        let Some(t) = sphere.intersect(&ray, Span::FORWARD, Sides::Front, None) else { return Ok(()) };
+        let (point, d) = (ray.at(t), ray.direction());
+        let normal = sphere.normal_at(point);
+        let (eta, cosine): (f64, f64) = (1.0 / index, -d.dot(normal));
+        let cosine_inside = (1.0 - eta * eta * (1.0 - cosine * cosine)).sqrt();
+        let refracted = unit(eta * d + (eta * cosine - cosine_inside) * normal).expect("never zero");
+        let inside = Ray::new(point, refracted);
+        let from_inside = |sides: Sides, span: Span| sphere.intersect(&inside, span, sides, Some(Side::Back));
+        let t = from_inside(Sides::Both, Span::FORWARD).expect("it comes out again");
+        let chord: f64 = 2.0 * scale * radius * cosine_inside;
+        let margin = PARTITION_MARGIN * (coordinates(&ray, std::slice::from_ref(&sphere)) + chord) / cosine_inside;
+        prop_assert!((t - chord).abs() <= margin, "{} against {}, margin {:e}", t, chord, margin);
+        prop_assert_eq!(from_inside(Sides::Front, Span::FORWARD), None);
+        prop_assert_eq!(from_inside(Sides::Both, Span { start: t, ..Span::FORWARD }), None);
+    }
+
+    #[test]
+    fn segment_that_does_not_pierce_a_zone_meets_nothing_outside_it(
+        (anchor, axis, length, scale) in (vector(), unit_vector(), 0.01..2.0, scale()),
+        volumes in prop::collection::vec((vector(), 0.0..0.5), 1..8),
+        (from, to) in (in_zone(), in_zone()),
+    ) {
+        let (anchor, length) = (scale * anchor, scale * length);
+        let ray = Ray::new(anchor, axis);
+        let volumes: Vec<_> = volumes
+            .iter()
+            .map(|&(center, radius)| BoundingSphere { center: scale * 2.0 * center, radius: scale * radius })
+            .collect();
+        let largest = |v: &BoundingSphere| v.center.abs().max_element() + v.radius;
+        let slack = PARTITION_MARGIN * (anchor.abs().max_element() + volumes.iter().map(largest).fold(0.0, f64::max));
+        let plane = BoundingPlane::of(&ray);
+        let overlaps = |volume: &BoundingSphere| {
+            let along = plane.distance(volume.center);
+            -volume.radius - slack <= along && along <= length + volume.radius + slack
+        };
+        let outside = |volume: &&BoundingSphere| VolumeSet::of(&ray, volume, slack) != VolumeSet::Intersected;
+        let radial = |volume: &BoundingSphere| {
+            let from_anchor = volume.center - anchor;
+            (from_anchor - from_anchor.dot(axis) * axis).length() - volume.radius
+        };
+        let limits = volumes.iter().filter(outside).filter(|volume| overlaps(volume)).map(radial);
+        // A zone shrinks by its margin: see the partition's.
+        let radius = limits.fold(f64::INFINITY, f64::min) - slack;
+        let zone = Cylinder { anchor, axis, length, radius };
+        let across = axis.any_orthonormal_vector();
+        let reach = if radius.is_finite() { radius } else { scale };
+        let point = |(along, lateral, turn): (f64, f64, f64)| {
+            let outward = unit(turn * across + (1.0 - turn.abs()) * axis.cross(across)).expect("not zero");
+            anchor + along * length * axis + lateral * reach * outward
+        };
+        let (from, to) = (point(from), point(to));
+        // The segment stays between the end planes; see `in_zone`.
+        if zone.is_pierced_by(from, to) {
+            return Ok(());
+        }
+        for volume in volumes.iter().filter(outside) {
+            let gap = volume.center.distance(nearest_on_segment(volume.center, [from, to])) - volume.radius;
+            let strictly_inside = zone.contains_axially(from) && zone.contains_axially(to);
+            let allowed = if strictly_inside && overlaps(volume) { 0.0 } else { -slack };
+            prop_assert!(gap >= allowed, "{:?} reaches {:e} into the segment", volume, -gap);
+        }
+    }
+
+    #[test]
     fn enclosing_sphere_holds_all_primitives(members in group(1..=8)) {
         let sphere = enclosing_sphere(&members);
         for member in &members {
-            for point in features(member) {
-                let outside = point.distance(sphere.center) - sphere.radius;
-                prop_assert!(outside <= 4.0 * f64::EPSILON * member.extent(), "{:?} is {:e} outside {:?}", member, outside, sphere);
-            }
+            let farthest = farthest_distance(member, sphere.center);
+            prop_assert!(farthest <= sphere.radius, "{:?} reaches {:e} beyond", member, farthest - sphere.radius);
         }
+    }
+
+    #[test]
+    fn enclosing_sphere_is_nearly_the_smallest(
+        (points, scale, flatness) in
+            (prop::collection::vec(vector(), 2..=6), scale(), prop::sample::select(vec![1.0, 0.1, 1e-3])),
+    ) {
+        let points: Vec<_> = points.iter().map(|&p| scale * p * DVec3::new(1.0, 1.0, flatness)).collect();
+        let degenerate: Vec<_> = points.iter().map(|&p| Triangle::new(p, p, p).into()).collect();
+        let (found, smallest) = (enclosing_sphere(&degenerate).radius, smallest_radius(&points));
+        let size = scale * 1e-14;
+        prop_assert!(found >= smallest * (1.0 - 1e-9) - size, "{} below {}", found, smallest);
+        prop_assert!(found <= smallest * 1.01 + size, "{} is {} of {}", found, found / smallest, smallest);
+    }
+
+    #[test]
+    fn products_are_compared_as_integers_are(
+        (a, b, da, db, shift) in (1_i64..1 << 53, 1_i64..1 << 53, -2_i64..=2, -2_i64..=2, -500_i32..500),
+        (sign, exponent) in (prop::sample::select(vec![1.0, -1.0]), -500_i32..400),
+    ) {
+        // c d = (a + da) (b + db) is as near to a b as integers come; also with b and d swapped for factors apart.
+        let (c, d) = ((a + da).clamp(1, 1 << 53), (b + db).clamp(1, 1 << 53));
+        let expected = (i128::from(a) * i128::from(b)).cmp(&(i128::from(c) * i128::from(d)));
+        let power = |e: i32| f64::from_bits(u64::try_from(e + 1023).expect("a normal exponent") << 52);
+        let float = |value: i64, e: i32| value as f64 * power(e);
+        let (left, right) = ((float(a, exponent), float(b, shift)), (float(c, shift), float(d, exponent)));
+        let order = compare_products(sign * left.0, left.1, right.0, sign * right.1);
+        prop_assert_eq!(order, if sign > 0.0 { expected } else { expected.reverse() });
+    }
+}
+
+/// A cone or cylinder, anywhere, at any scale.
+fn any_cone() -> impl Strategy<Value = Primitive> {
+    any_primitive().prop_filter("no cone", |primitive| primitive.kind() == PrimitiveKind::Cone)
+}
+
+fn tiny_size() -> impl Strategy<Value = f64> {
+    prop::sample::select(vec![0.0, 1e-17, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3])
+}
+
+/// Where a point is in a zone: along the axis in lengths, off the axis in radii, and which way.
+fn in_zone() -> impl Strategy<Value = (f64, f64, f64)> {
+    let along = prop_oneof![8 => 0.0..1.0, 1 => Just(0.0), 1 => Just(1.0)];
+    let lateral = prop_oneof![4 => 0.0..1.1, 1 => 0.999_999_999_999..1.000_000_000_001];
+    (along, lateral, -1.0..1.0)
+}
+
+/// The distance of a primitive's farthest point, by formulas of its own.
+fn farthest_distance(primitive: &Primitive, center: DVec3) -> f64 {
+    match primitive {
+        Primitive::Sphere(sphere) => sphere.center().distance(center) + sphere.radius(),
+        Primitive::Cone(cone) => {
+            let rim = |circle: DVec3, radius: f64| {
+                let along = (circle - center).dot(cone.axis());
+                let lateral = (circle - center).cross(cone.axis()).length() + radius;
+                (along * along + lateral * lateral).sqrt()
+            };
+            rim(cone.base(), cone.base_radius()).max(rim(cone.apex(), cone.apex_radius()))
+        }
+        flat => features(flat).iter().map(|point| point.distance(center)).fold(0.0, f64::max),
+    }
+}
+
+/// The radius of the smallest sphere round at most six points: the least circumsphere of two, three or four of them
+/// that holds the others.
+fn smallest_radius(points: &[DVec3]) -> f64 {
+    let size = points.iter().map(|p| p.distance(points[0])).fold(0.0, f64::max);
+    let subsets = (1_u32..1 << points.len()).filter(|set| (2..=4).contains(&set.count_ones()));
+    let spheres = subsets.filter_map(|set| {
+        let chosen: Vec<_> = (0..points.len()).filter(|i| set >> i & 1 == 1).map(|i| points[i]).collect();
+        let center = circumcenter(&chosen)?;
+        let radius = center.distance(chosen[0]);
+        let holds_all = points.iter().all(|p| p.distance(center) <= radius + 1e-10 * size);
+        holds_all.then_some(radius)
+    });
+    spheres.fold(f64::INFINITY, f64::min)
+}
+
+/// The centre of the smallest sphere through two, three or four points.
+fn circumcenter(points: &[DVec3]) -> Option<DVec3> {
+    let a = points[0];
+    let edges: Vec<_> = points[1..].iter().map(|&p| p - a).collect();
+    let offset = match edges[..] {
+        [b] => 0.5 * b,
+        [b, c] => {
+            let normal = b.cross(c);
+            (b.length_squared() * c - c.length_squared() * b).cross(normal) * 0.5 / normal.length_squared()
+        }
+        [b, c, d] => {
+            let volume = b.dot(c.cross(d));
+            let sum = b.length_squared() * c.cross(d)
+                + c.length_squared() * d.cross(b)
+                + d.length_squared() * b.cross(c);
+            sum * 0.5 / volume
+        }
+        _ => return None,
+    };
+    offset.is_finite().then_some(a + offset)
+}
+
+/// Primitives that touch a volume from inside, and rays from 1e6 units away that brush past the place.
+///
+/// Returns how many rays hit the primitive, and how many of those miss the volume at no slack and at the margin.
+fn brush_past(touching: impl Fn(DVec3, DVec3) -> Primitive) -> [usize; 3] {
+    let mut random = ChaCha8Rng::seed_from_u64(1985);
+    let mut number = || (random.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0;
+    let mut vector = || unit(DVec3::new(number(), number(), number())).expect("no random vector is zero");
+    let mut counts = [0; 3];
+    for _ in 0..40_000 {
+        let (center, normal) = (vector(), vector());
+        let contact = center + normal;
+        let direction = unit(vector().cross(normal)).expect("no random vectors are parallel");
+        let primitive = touching(center, contact);
+        let ray = Ray::new(contact - 1e-10 * vector() - 1e6 * direction, direction);
+        let volume = BoundingSphere { center, radius: farthest_distance(&primitive, center) };
+        if primitive.intersect(&ray, Span::FORWARD, Sides::Both, None).is_some() {
+            let slack = PARTITION_MARGIN * coordinates(&ray, &[primitive]);
+            let is_lost = |slack: f64| VolumeSet::of(&ray, &volume, slack) != VolumeSet::Intersected;
+            counts[0] += 1;
+            counts[1] += usize::from(is_lost(0.0));
+            counts[2] += usize::from(is_lost(slack));
+        }
+    }
+    counts
+}
+
+#[test]
+fn partition_margin_is_needed_and_enough() {
+    let sphere = |center: DVec3, contact: DVec3| Sphere::new(center.lerp(contact, 0.5), 0.5).into();
+    let base = |center: DVec3, contact: DVec3| {
+        let across = (contact - center).any_orthonormal_vector();
+        [center + 0.3 * across, center - 0.4 * across]
+    };
+    let triangle = |center: DVec3, contact: DVec3| {
+        let [a, b] = base(center, contact);
+        Triangle::new(a, b, contact).into()
+    };
+    let polygon = |center: DVec3, contact: DVec3| {
+        let [a, b] = base(center, contact);
+        Polygon::new(vec![a, center - 0.1 * (contact - center), b, contact]).expect("it has an area").into()
+    };
+    let cone = |center: DVec3, contact: DVec3| {
+        let [base, _] = base(center, contact);
+        Cone::new(base, 0.3, contact, 0.0).expect("it has a height").into()
+    };
+    let counts = [brush_past(sphere), brush_past(triangle), brush_past(polygon), brush_past(cone)];
+    for (kind, [hits, lost_without, lost]) in ["sphere", "triangle", "polygon", "cone"].iter().zip(counts) {
+        assert!(hits > 100, "only {hits} rays hit the {kind}");
+        assert!(lost_without > 0, "no hit of a {kind} needs the margin");
+        assert_eq!(lost, 0, "of {hits} hits of a {kind} the partition loses {lost}");
     }
 }

@@ -1,1 +1,30 @@
-//! placeholder
+//! Experiments over scenes, strategies and options: Table 1 of Speer, DeRose and Barsky (1985) and its cost model.
+//!
+//! [`Table1`] is the paper's experiment, run on the scenes of a [`Table1Plan`]; [`CostModel`] is the paper's section 3,
+//! fitted to what was measured.
+//!
+//! ```
+//! use rayset_study::CostModel;
+//!
+//! // The paper's own conclusion from its last row: a coherence of 0.662 is the threshold, so k / lambda is 0.51.
+//! let model = CostModel { k: 0.511, lambda: 1.0, alpha: 0.0 };
+//! assert!((model.threshold() - 0.662).abs() < 0.001);
+//! ```
+
+mod cost_model;
+mod error;
+mod files;
+mod images;
+mod scenes;
+mod statistics;
+mod table1;
+
+pub use cost_model::{CostModel, Measurement};
+pub use error::StudyError;
+pub use files::write_file;
+pub use images::image_of;
+pub use scenes::{NamedScene, cornell_box, cornell_spheres, knob, mesh_scenes, sphere_scene};
+pub use statistics::Spread;
+pub use table1::{
+    KindRow, ModelReport, OptionsReport, PAPER, PaperRow, Pictures, Row, StrategyRow, Table1, Table1Plan,
+};

@@ -1,1 +1,29 @@
-//! p
+//! Whitted-style ray tracing with pluggable intersection strategies and the same bits from all of them.
+//!
+//! This crate re-exports the libraries of the workspace under one name:
+//!
+//! - [`geometry`]: rays, primitives, safety cylinders and the partition of space by a ray;
+//! - [`scene`]: objects, materials, lights, cameras, random spheres and OBJ files;
+//! - [`engine`]: intersection trees, shading and the strategies;
+//! - [`image`]: float EXR, PNG, comparison and summaries;
+//! - [`simd`]: the lanes that all kernels are written over.
+//!
+//! ```
+//! use rayset::engine::{RenderOptions, StrategyKind, render};
+//! use rayset::scene::RandomSpheres;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let scene = RandomSpheres { count: 8, seed: 1, ..RandomSpheres::default() }.scene()?;
+//! let options = RenderOptions { width: 64, height: 64, ..RenderOptions::default() };
+//! let frame = render(StrategyKind::Standard.bind(&scene).as_ref(), &options)?;
+//! println!("{}", frame.counts);
+//! # Ok(())
+//! # }
+//! ```
+
+pub use rayset_engine as engine;
+pub use rayset_geometry as geometry;
+pub use rayset_geometry::glam;
+pub use rayset_image as image;
+pub use rayset_scene as scene;
+pub use rayset_simd as simd;

@@ -1,0 +1,30 @@
+//! What can go wrong with an experiment.
+
+use std::path::PathBuf;
+
+use rayset_engine::RenderError;
+use rayset_image::ImageError;
+use rayset_scene::SceneError;
+
+/// An experiment could not be run or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StudyError {
+    /// A scene could not be made.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A frame could not be rendered.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// An image could not be written.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// A report could not be written.
+    #[error("cannot write `{path}`", path = path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+}

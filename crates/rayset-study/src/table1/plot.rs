@@ -1,0 +1,133 @@
+//! Ratio and coherence over the number of spheres, for the paper and for ours.
+
+use plotters::prelude::*;
+
+use super::run::{Row, Table1};
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Okabe and Ito's colours, which colour-blind readers tell apart.
+const ORANGE: RGBColor = RGBColor(230, 159, 0);
+const SKY: RGBColor = RGBColor(86, 180, 233);
+const GREEN: RGBColor = RGBColor(0, 158, 115);
+const VERMILION: RGBColor = RGBColor(213, 94, 0);
+const SIZE: (u32, u32) = (900, 420);
+
+/// A line of the plot: label, colour, points, and the quartiles of each point if it has any.
+struct Curve {
+    label: &'static str,
+    color: RGBColor,
+    points: Vec<(f64, f64)>,
+    quartiles: Vec<(f64, f64)>,
+}
+
+/// The plot as an SVG document.
+pub(super) fn svg(table: &Table1) -> Result<String, Failure> {
+    let rows: Vec<&Row> = table.ours.iter().filter(|row| row.spheres.is_some()).collect();
+    let of_paper = |value: &dyn Fn(&crate::PaperRow) -> f64| {
+        table.paper.iter().map(|row| (f64::from(row.spheres), value(row))).collect::<Vec<_>>()
+    };
+    let of_ours = |value: &dyn Fn(&crate::StrategyRow) -> f64| {
+        let point = |row: &&Row| (f64::from(row.spheres.unwrap_or(1)), value(&row.strategies["speer-1985"]));
+        rows.iter().map(point).collect::<Vec<_>>()
+    };
+    let quartiles = |value: &dyn Fn(&crate::StrategyRow) -> crate::Spread| {
+        let pair = |row: &&Row| {
+            let spread = value(&row.strategies["speer-1985"]);
+            (spread.lower_quartile, spread.upper_quartile)
+        };
+        rows.iter().map(pair).collect::<Vec<_>>()
+    };
+    let plain = |label, color, points| Curve { label, color, points, quartiles: Vec::new() };
+    let ratios = [
+        plain("paper, printed", ORANGE, of_paper(&|row| row.ratio_printed)),
+        plain("paper, from its times", VERMILION, of_paper(&|row| row.ratio_recomputed)),
+        Curve {
+            label: "ours, times",
+            color: GREEN,
+            points: of_ours(&|row| row.ratio_time),
+            quartiles: quartiles(&|row| row.ratio_time_spread),
+        },
+        plain("ours, work", SKY, of_ours(&|row| row.ratio_work)),
+    ];
+    let coherence = [
+        plain("paper", ORANGE, of_paper(&|row| row.percent_coherent)),
+        Curve {
+            label: "ours",
+            color: GREEN,
+            points: of_ours(&|row| row.percent_coherent),
+            quartiles: quartiles(&|row| row.percent_coherent_spread),
+        },
+    ];
+    let mut document = String::new();
+    {
+        let area = SVGBackend::with_string(&mut document, SIZE).into_drawing_area();
+        area.fill(&WHITE)?;
+        let (left, right) = area.split_horizontally(SIZE.0 / 2);
+        panel(&left, "time or work of speer-1985 over standard", &ratios, Some(1.0))?;
+        panel(&right, "coherent rays, percent of rays cast", &coherence, None)?;
+        area.present()?;
+    }
+    Ok(document)
+}
+
+fn panel(
+    area: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
+    title: &str,
+    curves: &[Curve],
+    reference: Option<f64>,
+) -> Result<(), Failure> {
+    let values = curves.iter().flat_map(|curve| {
+        let ends = curve.quartiles.iter().flat_map(|&(low, high)| [low, high]);
+        curve.points.iter().map(|point| point.1).chain(ends)
+    });
+    let top = values.fold(reference.unwrap_or(100.0), f64::max) * 1.08;
+    let xs = || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.0));
+    let (least, greatest) = (xs().fold(1.0, f64::min), xs().fold(2.0, f64::max));
+    let mut chart = ChartBuilder::on(area)
+        .caption(title, ("sans-serif", 15))
+        .margin(12)
+        .x_label_area_size(36)
+        .y_label_area_size(44)
+        .build_cartesian_2d((least * 0.9..greatest * 1.1).log_scale().base(2.0), 0.0..top)?;
+    chart
+        .configure_mesh()
+        .x_desc("spheres")
+        .x_labels(4)
+        .x_label_formatter(&|x| format!("{x:.0}"))
+        .y_label_formatter(&|y| if top > 10.0 { format!("{y:.0}") } else { format!("{y:.1}") })
+        .light_line_style(WHITE)
+        .draw()?;
+    if let Some(reference) = reference {
+        let ends = [(least * 0.9, reference), (greatest * 1.1, reference)];
+        chart.draw_series(LineSeries::new(ends, BLACK.stroke_width(1)))?;
+    }
+    for (i, curve) in curves.iter().enumerate() {
+        let color = curve.color;
+        chart
+            .draw_series(LineSeries::new(curve.points.iter().copied(), color.stroke_width(2)))?
+            .label(curve.label)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+        // Shapes differ too, for readers without colours.
+        let points = curve.points.iter().copied();
+        match i % 4 {
+            0 => drop(chart.draw_series(points.map(|point| Circle::new(point, 4, color.filled())))?),
+            1 => drop(chart.draw_series(points.map(|point| TriangleMarker::new(point, 6, color.filled())))?),
+            2 => drop(chart.draw_series(points.map(|point| Cross::new(point, 5, color.stroke_width(2))))?),
+            _ => drop(chart.draw_series(points.map(|point| Circle::new(point, 4, color.stroke_width(2))))?),
+        }
+        let bars = curve.points.iter().zip(&curve.quartiles);
+        chart.draw_series(
+            bars.map(|(&(x, _), &(low, high))| {
+                PathElement::new([(x, low), (x, high)], color.stroke_width(1))
+            }),
+        )?;
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerRight)
+        .background_style(WHITE.mix(0.85))
+        .border_style(RGBColor(200, 200, 200))
+        .draw()?;
+    Ok(())
+}
