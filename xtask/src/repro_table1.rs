@@ -14,7 +14,18 @@ use crate::{Outcome, project};
 #[command(after_help = "Examples:
   cargo xtask repro-table1
   cargo xtask repro-table1 --quick
-  cargo xtask repro-table1 --resolution 256 --seeds 32 --cutoff off --out /tmp/table1")]
+  cargo xtask repro-table1 --resolution 256 --seeds 32 --cutoff off --out /tmp/table1
+  cargo xtask repro-table1 --quick --reading misses=cylinder --reading light_rays=all
+
+Options of the reading, the first choice being the default:
+  misses = partition, cylinder
+  light_rays = blocked, all, none
+  blocker = nearest, first
+  slab = overlapping, centre, inside
+  end_planes = side-only, closed
+  matching = any-origin, same-object, same-object-and-side
+  inheritance = formative, nothing
+  originating = excluded, included")]
 pub(crate) struct Options {
     /// Small images and few seeds: done within a minute.
     #[arg(long)]
@@ -40,6 +51,9 @@ pub(crate) struct Options {
     /// The lanes of both strategies; `scalar` is the paper's setting.
     #[arg(long, value_name = "NAME", default_value = "scalar")]
     backend: Backend,
+    /// Reads a place that the text of section 2.3 leaves open in another way; may be given several times.
+    #[arg(long, value_name = "OPTION=CHOICE")]
+    reading: Vec<String>,
     /// Leaves the meshes out.
     #[arg(long)]
     no_meshes: bool,
@@ -59,7 +73,7 @@ fn cutoff(text: &str) -> Result<Cutoff, String> {
 }
 
 impl Options {
-    fn plan(&self) -> Table1Plan {
+    fn plan(&self) -> Result<Table1Plan, Box<dyn std::error::Error>> {
         let fixtures = project::fixtures();
         let mut plan = if self.quick { Table1Plan::quick(fixtures) } else { Table1Plan::full(fixtures) };
         if let Some(seeds) = self.seeds {
@@ -76,17 +90,23 @@ impl Options {
         plan.max_depth = self.depth.unwrap_or(plan.max_depth);
         plan.cutoff = self.cutoff.map_or(plan.cutoff, |cutoff| cutoff.0);
         plan.backend = self.backend;
-        plan
+        for reading in &self.reading {
+            let (option, choice) =
+                reading.split_once('=').ok_or(format!("`{reading}` is not OPTION=CHOICE"))?;
+            plan.reading.choose(option, choice)?;
+        }
+        Ok(plan)
     }
 }
 
 pub(crate) fn run(options: &Options) -> Outcome {
+    let plan = options.plan()?;
     // An output that cannot be written is found out before the minutes are spent.
     let probe = options.out.join(".writable");
     write_file(&probe, b"")?;
     std::fs::remove_file(&probe)?;
     let start = Instant::now();
-    let table = measure(&options.plan())?;
+    let table = measure(&plan)?;
     table.write(&options.out)?;
     println!("{}", table.to_markdown());
     println!("Written to {} in {:.0} s.", options.out.display(), start.elapsed().as_secs_f64());
@@ -107,4 +127,18 @@ pub(crate) fn measure(plan: &Table1Plan) -> Result<Table1, rayset_study::StudyEr
     });
     bar.finish_and_clear();
     table
+}
+
+#[cfg(test)]
+mod tests {
+    use rayset_engine::Speer1985Options;
+
+    #[test]
+    fn help_lists_every_choice() {
+        let help = <crate::Arguments as clap::CommandFactory>::command();
+        let help = help.find_subcommand("repro-table1").unwrap().get_after_help().unwrap().to_string();
+        for (option, choices) in Speer1985Options::CHOICES {
+            assert!(help.contains(&format!("{option} = {}", choices.join(", "))), "{option}");
+        }
+    }
 }

@@ -45,6 +45,10 @@ pub use shading::shade;
 pub use stats::{CoherenceCounts, Stats, Work};
 pub use strategies::{
     BlockerRule, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,
-    Speer1985, Speer1985Options, Standard, StrategyKind, UnknownStrategy,
+    Speer1985, Speer1985Options, Standard, StrategyKind, UnknownReading, UnknownStrategy,
 };
 pub use strategy::{IntersectionStrategy, Recording, Tracer};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -4,8 +4,8 @@ use rayset_engine::geometry::glam::{DVec3, dvec3};
 use rayset_engine::geometry::{Polygon, Ray, Sides, Sphere, Triangle};
 use rayset_engine::scene::{Light, Material, Part, Scene, SceneBuilder};
 use rayset_engine::{
-    Branch, IntersectionTrees, LightState, RayCounts, RaySetIndex, RaySets, Recording, StrategyKind, TreeOptions,
-    shade,
+    Branch, IntersectionTrees, LightState, RayCounts, RaySetIndex, RaySets, Recording, StrategyKind,
+    TreeOptions, shade,
 };
 
 const BACKGROUND: DVec3 = DVec3::new(0.2, 0.3, 0.5);
@@ -85,7 +85,8 @@ fn mirror_sphere_adds_diffuse_highlight_and_what_it_mirrors() {
     // N . L = 0.64, and R = 2 (N . L) N - L = (0.768, -0.6, 0.224), so R . V = 0.224 for V = (0, 0, 1).
     // The mirrored ray leaves along d - 2 (N . d) N = (0.96, 0, 0.28) and sees the background.
     let light = Light::point(dvec3(0.6, 3.0, 4.8), dvec3(1.0, 2.0, 3.0));
-    let (radiance, trees, counts) = trace(&scene(vec![ball(MIRROR, DVec3::ZERO, 1.0)], &[light]), down(0.6), &DEEP);
+    let (radiance, trees, counts) =
+        trace(&scene(vec![ball(MIRROR, DVec3::ZERO, 1.0)], &[light]), down(0.6), &DEEP);
     let answer = MIRROR.diffuse * 0.64 + MIRROR.specular * (0.224 * 0.224);
     assert_close(radiance, light.color() * answer + MIRROR.reflectance * BACKGROUND);
     assert_close(trees.nodes()[1].direction, dvec3(0.96, 0.0, 0.28));
@@ -183,7 +184,8 @@ const NO_EMPTY_RAYS: TreeOptions = TreeOptions { max_depth: 6, cutoff: Some(1e-9
 
 #[test]
 fn central_ray_goes_straight_through_a_glass_sphere() {
-    let (radiance, trees, counts) = trace(&scene(vec![ball(GLASS, DVec3::ZERO, 1.0)], &[]), down(0.0), &NO_EMPTY_RAYS);
+    let (radiance, trees, counts) =
+        trace(&scene(vec![ball(GLASS, DVec3::ZERO, 1.0)], &[]), down(0.0), &NO_EMPTY_RAYS);
     assert_close(radiance, GLASS.transmittance * GLASS.transmittance * BACKGROUND);
     assert!(trees.nodes().iter().all(|node| node.direction == -DVec3::Z));
     assert_eq!((counts.refracted.cast, counts.refracted.hit, counts.reflected.cast), (2, 1, 0));
@@ -226,7 +228,8 @@ fn ray_off_the_centre_follows_snells_law_through_both_surfaces() {
 #[test]
 fn index_of_one_bends_nothing() {
     let glass = Material { index: 1.0, ..GLASS };
-    let (radiance, trees, _) = trace(&scene(vec![ball(glass, DVec3::ZERO, 1.0)], &[]), down(0.7), &NO_EMPTY_RAYS);
+    let (radiance, trees, _) =
+        trace(&scene(vec![ball(glass, DVec3::ZERO, 1.0)], &[]), down(0.7), &NO_EMPTY_RAYS);
     assert_close(radiance, GLASS.transmittance * GLASS.transmittance * BACKGROUND);
     assert!(trees.nodes().iter().all(|node| node.direction == -DVec3::Z));
 }
@@ -248,7 +251,8 @@ fn prism() -> Vec<Part> {
 fn prism_reflects_totally_at_its_long_face() {
     // The ray enters the face x = 0 at a right angle, meets the face x + y = 1 at 45 degrees, where
     // 1.5 sin(45) > 1, turns down, and leaves through the face y = 0 at a right angle.
-    let glass = Material { reflectance: DVec3::splat(0.1), transmittance: DVec3::splat(0.8), index: 1.5, ..BLACK };
+    let glass =
+        Material { reflectance: DVec3::splat(0.1), transmittance: DVec3::splat(0.8), index: 1.5, ..BLACK };
     let options = TreeOptions { max_depth: 4, cutoff: None };
     let ray = Ray::new(dvec3(-3.0, 0.3, 0.125), DVec3::X);
     let (radiance, trees, counts) = trace(&scene(vec![(glass, prism())], &[]), ray, &options);

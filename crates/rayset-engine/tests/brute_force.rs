@@ -9,9 +9,9 @@ use pixels::assert_same_pixels;
 use rayset_engine::geometry::{Ray, Span};
 use rayset_engine::scene::{ObjectId, Part, PrimitiveId, Scene};
 use rayset_engine::{
-    Answers, Backend, ByKind, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, RayKind, RayQuery,
-    Recording, RenderOptions, ShadowGeneration, ShadowQuery, Speer1985, Speer1985Options, Standard, Stats,
-    StrategyKind, SweepLength, Tracer, render,
+    Answers, Backend, ByKind, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, RayKind,
+    RayQuery, Recording, RenderOptions, ShadowGeneration, ShadowQuery, Speer1985, Speer1985Options, Standard,
+    Stats, StrategyKind, SweepLength, Tracer, render,
 };
 use scenes::TestScene;
 
@@ -117,7 +117,13 @@ impl<'s> Watched<'s> {
         Self { inner, truth, findings: Mutex::default() }
     }
 
-    fn check<A: PartialEq + std::fmt::Debug>(&self, kind: RayKind, answer: &A, truth: &A, query: impl std::fmt::Debug) {
+    fn check<A: PartialEq + std::fmt::Debug>(
+        &self,
+        kind: RayKind,
+        answer: &A,
+        truth: &A,
+        query: impl std::fmt::Debug,
+    ) {
         let mut findings = self.findings.lock().unwrap();
         findings.answers[kind] += 1;
         if answer != truth {

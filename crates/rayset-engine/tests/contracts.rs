@@ -10,8 +10,9 @@ use rayset_engine::geometry::glam::{DVec3, dvec3};
 use rayset_engine::geometry::{Polygon, Primitive, Ray, Side, Span, Sphere, Triangle};
 use rayset_engine::scene::{LightId, Material, ObjectId, Part, PrimitiveId, Scene, SceneBuilder};
 use rayset_engine::{
-    Answers, Backend, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, QueryWork, RayQuery, RaySetIndex,
-    Recording, RenderOptions, ShadowGeneration, ShadowQuery, Slot, Speer1985, StrategyKind, SweepLength, Tracer,
+    Answers, Backend, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, QueryWork, RayQuery,
+    RaySetIndex, Recording, RenderOptions, ShadowGeneration, ShadowQuery, Slot, Speer1985, StrategyKind,
+    SweepLength, Tracer,
 };
 
 const OPTIONS: RenderOptions = RenderOptions {
@@ -107,7 +108,8 @@ fn contract_2_of_coincident_primitives_the_least_object_and_primitive_is_hit() {
     let corners = [dvec3(0.0, 0.0, 5.0), dvec3(4.0, 0.0, 5.0), dvec3(0.0, 4.0, 5.0)];
     let triangle = || Part::from(Triangle::new(corners[0], corners[1], corners[2]));
     let polygon = || Part::from(Polygon::new(corners.into()).unwrap());
-    let farther = || Part::from(Triangle::new(corners[0] + DVec3::Z, corners[1] + DVec3::Z, corners[2] + DVec3::Z));
+    let farther =
+        || Part::from(Triangle::new(corners[0] + DVec3::Z, corners[1] + DVec3::Z, corners[2] + DVec3::Z));
     let sphere = || Part::from(Sphere::new(dvec3(1.0, 1.0, 6.0), 1.0));
     let query = initial(dvec3(1.0, 1.0, 0.0), DVec3::Z);
     for (name, objects, expected) in [
@@ -116,7 +118,11 @@ fn contract_2_of_coincident_primitives_the_least_object_and_primitive_is_hit() {
         ("a triangle before a polygon", vec![vec![triangle(), polygon()]], (0, 0)),
         ("a sphere that touches a polygon", vec![vec![polygon()], vec![sphere()]], (0, 0)),
         ("a polygon that touches a sphere", vec![vec![sphere()], vec![polygon()]], (0, 0)),
-        ("something farther first", vec![vec![farther()], vec![farther(), polygon()], vec![triangle()]], (1, 2)),
+        (
+            "something farther first",
+            vec![vec![farther()], vec![farther(), polygon()], vec![triangle()]],
+            (1, 2),
+        ),
         ("many", (0..20).map(|_| vec![triangle(), sphere()]).collect(), (0, 0)),
     ] {
         let scene = scene_of(objects);
@@ -194,7 +200,9 @@ fn bundles(queries: &[Query], len: usize) -> Vec<(Generation, ShadowGeneration)>
 fn contract_3_bundles_append_one_answer_a_query_as_the_methods_for_one_ray_give_it() {
     for test in &scenes::all() {
         let sweeps = queries_of(&test.scene, &OPTIONS);
-        let kinds = StrategyKind::ALL.iter().flat_map(|kind| [Recording::Off, Recording::PerQuery].map(|r| (kind, r)));
+        let kinds = StrategyKind::ALL
+            .iter()
+            .flat_map(|kind| [Recording::Off, Recording::PerQuery].map(|r| (kind, r)));
         for ((kind, recording), len) in kinds.flat_map(|kind| [1, 10, 1000].map(|len| (kind, len))) {
             let strategy = kind.bind(&test.scene);
             let what = format!("{kind}, {}, {recording:?}, {len}", test.name);
@@ -204,7 +212,8 @@ fn contract_3_bundles_append_one_answer_a_query_as_the_methods_for_one_ray_give_
                 let earlier = Hit { t: 7.0, object: ObjectId(7), primitive: PrimitiveId(7) };
                 let mut hits = Answers { values: vec![Some(earlier)], work: vec![QueryWork::default()] };
                 let mut occluded = Answers { values: vec![true], work: vec![QueryWork::default()] };
-                let (mut expected_hits, mut expected_occluded) = (hits.values.clone(), occluded.values.clone());
+                let (mut expected_hits, mut expected_occluded) =
+                    (hits.values.clone(), occluded.values.clone());
                 for (rays, shadow) in bundles(queries, len) {
                     many.nearest_bundle(&rays, &mut hits);
                     many.occluded_bundle(&shadow, &mut occluded);
@@ -243,7 +252,14 @@ fn contract_4_answers_of_exact_strategies_do_not_depend_on_what_is_retained() {
             }
             for i in (0..n).step_by(7) {
                 let answer = ask(strategy.begin_sweep(Recording::Off).as_mut(), &queries[i]);
-                assert_eq!(answer, expected[i], "{}, {}, alone: {:?}", strategy.name(), test.name, queries[i]);
+                assert_eq!(
+                    answer,
+                    expected[i],
+                    "{}, {}, alone: {:?}",
+                    strategy.name(),
+                    test.name,
+                    queries[i]
+                );
             }
         }
     }

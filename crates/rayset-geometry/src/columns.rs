@@ -242,8 +242,8 @@ impl PrimitiveColumns {
             let allowed = Allowed::of(probe.simd, run.sides, departure, i);
             let (hits, t) = match run.kind {
                 PrimitiveKind::Sphere => {
-                    let [x, y, z, radius] = self.spheres.each_ref().map(|c| probe.simd.load_f64(&c[i..]));
-                    sphere::intersect(probe, [x, y, z], radius, allowed)
+                    let load = |k: usize| probe.simd.load_f64(&self.spheres[k][i..]);
+                    sphere::intersect(probe, [load(0), load(1), load(2)], load(3), allowed)
                 }
                 PrimitiveKind::Triangle => {
                     let axes = probe.shear.axes;

@@ -18,10 +18,8 @@ impl<S: Simd> RayLanes<S> {
     #[must_use]
     #[inline(always)]
     pub fn splat(simd: S, ray: &Ray) -> Self {
-        Self {
-            origin: ray.origin().to_array().map(|value| simd.splat_f64(value)),
-            direction: ray.direction().to_array().map(|value| simd.splat_f64(value)),
-        }
+        let splat = |v: glam::DVec3| [simd.splat_f64(v.x), simd.splat_f64(v.y), simd.splat_f64(v.z)];
+        Self { origin: splat(ray.origin()), direction: splat(ray.direction()) }
     }
 }
 

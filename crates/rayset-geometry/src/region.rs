@@ -138,7 +138,9 @@ impl VolumeColumns {
     #[inline(always)]
     pub fn classify<S: Simd>(&self, simd: S, ray: &RayLanes<S>, slack: f64, i: usize) -> VolumeLanes<S::F64> {
         let (o, d) = (&ray.origin, &ray.direction);
-        let [x, y, z, radius] = self.columns.each_ref().map(|column| simd.load_f64(&column[i..]));
+        let [x, y, z, radius] = &self.columns;
+        let (x, y, z) = (simd.load_f64(&x[i..]), simd.load_f64(&y[i..]), simd.load_f64(&z[i..]));
+        let radius = simd.load_f64(&radius[i..]);
         let oc = [x - o[0], y - o[1], z - o[2]];
         let along = oc[0] * d[0] + oc[1] * d[1] + oc[2] * d[2];
         let l = [oc[0] - along * d[0], oc[1] - along * d[1], oc[2] - along * d[2]];

@@ -45,12 +45,12 @@ pub struct RandomSpheres {
 }
 
 impl Default for RandomSpheres {
-    /// One separate sphere of radius 0.25 to 0.45, reflecting 0.3, glass 0.6.
+    /// One separate sphere of radius 0.35 to 0.6, reflecting 0.3, glass 0.6.
     fn default() -> Self {
         Self {
             count: 1,
             seed: 1,
-            size: SphereSize::Between(0.25, 0.45),
+            size: SphereSize::Between(0.35, 0.6),
             separate: true,
             reflectance: 0.3,
             transmittance: 0.6,
@@ -66,7 +66,7 @@ impl RandomSpheres {
     /// [`SceneError::Invalid`] if a size or coefficient is negative, out of range or not finite.
     pub fn scene(&self) -> Result<Scene, SceneError> {
         let mut builder = SceneBuilder::new();
-        builder.camera(Camera::new(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, DVec3::Y, 40.0)?);
+        builder.camera(Camera::new(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, DVec3::Y, 38.0)?);
         builder.background(Color::new(0.10, 0.15, 0.25));
         builder.ambient(Color::splat(0.15));
         builder.add_light(Light::point(DVec3::new(-4.0, 6.0, 6.0), Color::splat(0.7)));

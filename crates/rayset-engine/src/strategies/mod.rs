@@ -8,6 +8,6 @@ mod standard;
 pub use kind::{StrategyKind, UnknownStrategy};
 pub use speer_1985::{
     BlockerRule, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,
-    Speer1985, Speer1985Options,
+    Speer1985, Speer1985Options, UnknownReading,
 };
 pub use standard::Standard;

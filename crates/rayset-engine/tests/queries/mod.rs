@@ -4,7 +4,8 @@ use std::sync::Mutex;
 
 use rayset_engine::scene::Scene;
 use rayset_engine::{
-    Hit, IntersectionStrategy, RayQuery, Recording, RenderOptions, ShadowQuery, Standard, Stats, Tracer, render,
+    Hit, IntersectionStrategy, RayQuery, Recording, RenderOptions, ShadowQuery, Standard, Stats, Tracer,
+    render,
 };
 
 /// A question to a tracer.
@@ -45,7 +46,11 @@ impl IntersectionStrategy for Noting<'_> {
     }
 
     fn begin_sweep(&self, recording: Recording) -> Box<dyn Tracer + '_> {
-        Box::new(NotingTracer { strategy: self, inner: self.inner.begin_sweep(recording), queries: Vec::new() })
+        Box::new(NotingTracer {
+            strategy: self,
+            inner: self.inner.begin_sweep(recording),
+            queries: Vec::new(),
+        })
     }
 }
 

@@ -27,10 +27,13 @@ pub(crate) fn all() -> Vec<TestScene> {
 }
 
 fn random_spheres(count: u32) -> TestScene {
-    let spheres = RandomSpheres { count, seed: 5, size: SphereSize::Coverage(0.6), ..RandomSpheres::default() };
+    let spheres =
+        RandomSpheres { count, seed: 5, size: SphereSize::Coverage(0.6), ..RandomSpheres::default() };
     let scene = spheres.scene().unwrap();
     // A single sphere is its own bounding volume.
-    let sphere = |i: u32| Sphere::new(scene.objects()[i as usize].bounds.center, scene.objects()[i as usize].bounds.radius);
+    let sphere = |i: u32| {
+        Sphere::new(scene.objects()[i as usize].bounds.center, scene.objects()[i as usize].bounds.radius)
+    };
     let primitives = (0..count).map(|i| (ObjectId(i), sphere(i).into())).collect();
     TestScene { name: format!("{count} random spheres"), scene, primitives }
 }
@@ -108,7 +111,8 @@ fn all_kinds() -> TestScene {
     let hat = Cone::new(dvec3(0.4, 1.0, -1.7), 0.7, dvec3(0.5, 2.0, -1.8), 0.0).unwrap();
     maker.add(mirror, [tube.into(), Part { sides: Sides::Front, ..hat.into() }]);
     // A smooth fan of triangles, and one that is seen from behind only.
-    let (top, rim) = (dvec3(2.3, 1.2, 1.5), [dvec3(1.5, -0.3, 1.2), dvec3(2.4, -0.4, 2.0), dvec3(3.0, -0.3, 1.0)]);
+    let (top, rim) =
+        (dvec3(2.3, 1.2, 1.5), [dvec3(1.5, -0.3, 1.2), dvec3(2.4, -0.4, 2.0), dvec3(3.0, -0.3, 1.0)]);
     let smooth = |a: DVec3, b: DVec3| Part {
         normals: Some([DVec3::Z, DVec3::Z - 0.3 * DVec3::X, DVec3::Z + 0.3 * DVec3::X]),
         ..Triangle::new(top, a, b).into()
@@ -123,9 +127,14 @@ fn all_kinds() -> TestScene {
         [
             Part::from(Triangle::new(pane(0.0, 0.0, 0.0), pane(0.8, 0.0, 0.0), pane(0.8, 0.8, 0.0))),
             Triangle::new(pane(0.0, 0.0, 0.0), pane(0.8, 0.8, 0.0), pane(0.0, 0.8, 0.0)).into(),
-            Polygon::new(vec![pane(0.0, 0.0, -0.1), pane(0.0, 0.8, -0.1), pane(0.8, 0.8, -0.1), pane(0.8, 0.0, -0.1)])
-                .unwrap()
-                .into(),
+            Polygon::new(vec![
+                pane(0.0, 0.0, -0.1),
+                pane(0.0, 0.8, -0.1),
+                pane(0.8, 0.8, -0.1),
+                pane(0.8, 0.0, -0.1),
+            ])
+            .unwrap()
+            .into(),
         ],
     );
     maker.finish("all kinds of primitives")
@@ -151,7 +160,8 @@ fn room() -> TestScene {
     let mut maker = Maker::default();
     maker.look(dvec3(0.0, 1.0, 4.4), dvec3(0.0, 1.0, 0.0), 40.0);
     maker.builder.add_light(Light::point(dvec3(0.0, 1.95, 0.1), DVec3::splat(0.8)));
-    let (white, red, green) = (maker.matt(0.7, 0.7, 0.7), maker.matt(0.7, 0.1, 0.1), maker.matt(0.1, 0.7, 0.1));
+    let (white, red, green) =
+        (maker.matt(0.7, 0.7, 0.7), maker.matt(0.7, 0.1, 0.1), maker.matt(0.1, 0.7, 0.1));
     let (mirror, glass) = (maker.mirror(), maker.glass(1.5));
     let corner = |x: i32, y: i32, z: i32| dvec3(f64::from(x), f64::from(y), f64::from(z));
     let wall = |[a, b, c, d]: [DVec3; 4]| [Triangle::new(a, b, c), Triangle::new(a, c, d)];

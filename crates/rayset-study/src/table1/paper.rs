@@ -43,7 +43,7 @@ pub const PAPER: [PaperRow; 4] = [
 ];
 
 impl PaperRow {
-    /// The threshold at which the paper puts its last row: C_T equal to the coherence there.
+    /// The threshold at which the paper puts its last row: `C_T` equal to the coherence there.
     #[must_use]
     pub fn k_over_lambda(&self) -> f64 {
         let coherence = self.percent_coherent / 100.0;

@@ -64,8 +64,20 @@ pub(super) fn svg(table: &Table1) -> Result<String, Failure> {
         let area = SVGBackend::with_string(&mut document, SIZE).into_drawing_area();
         area.fill(&WHITE)?;
         let (left, right) = area.split_horizontally(SIZE.0 / 2);
-        panel(&left, "time or work of speer-1985 over standard", &ratios, Some(1.0))?;
-        panel(&right, "coherent rays, percent of rays cast", &coherence, None)?;
+        panel(
+            &left,
+            "time or work of speer-1985 over standard",
+            &ratios,
+            Some(1.0),
+            SeriesLabelPosition::LowerLeft,
+        )?;
+        panel(
+            &right,
+            "coherent rays, percent of rays cast",
+            &coherence,
+            None,
+            SeriesLabelPosition::LowerRight,
+        )?;
         area.present()?;
     }
     Ok(document)
@@ -76,6 +88,7 @@ fn panel(
     title: &str,
     curves: &[Curve],
     reference: Option<f64>,
+    legend: SeriesLabelPosition,
 ) -> Result<(), Failure> {
     let values = curves.iter().flat_map(|curve| {
         let ends = curve.quartiles.iter().flat_map(|&(low, high)| [low, high]);
@@ -125,7 +138,7 @@ fn panel(
     }
     chart
         .configure_series_labels()
-        .position(SeriesLabelPosition::LowerRight)
+        .position(legend)
         .background_style(WHITE.mix(0.85))
         .border_style(RGBColor(200, 200, 200))
         .draw()?;

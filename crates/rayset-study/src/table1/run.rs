@@ -35,6 +35,8 @@ pub struct Table1Plan {
     pub max_depth: u32,
     /// The adaptive cut-off.
     pub cutoff: Option<f64>,
+    /// How section 2.3 is read.
+    pub reading: Speer1985Options,
 }
 
 impl Table1Plan {
@@ -52,6 +54,7 @@ impl Table1Plan {
             backend: Backend::Scalar,
             max_depth: RenderOptions::default().max_depth,
             cutoff: RenderOptions::default().cutoff,
+            reading: Speer1985Options::default(),
         }
     }
 
@@ -189,7 +192,7 @@ pub struct ModelReport {
     pub lambda: f64,
     /// Seconds a ray besides.
     pub alpha: f64,
-    /// C_T of these constants.
+    /// `C_T` of these constants.
     pub threshold: f64,
     /// The ratio predicted for each sphere row.
     pub predicted_ratio: Vec<f64>,
@@ -199,7 +202,7 @@ pub struct ModelReport {
     pub rms_error: f64,
     /// Whether every predicted ratio lies between the quartiles of the measured ones.
     pub predicts: bool,
-    /// Whether C_T alone tells, for every row, which algorithm wins.
+    /// Whether `C_T` alone tells, for every row, which algorithm wins.
     pub threshold_decides: bool,
     /// `alpha / k` that fits the paper's own table best.
     pub paper_alpha_over_k: f64,
@@ -231,7 +234,7 @@ pub struct OptionsReport {
     /// The pixel order.
     pub order: &'static str,
     /// The reading of section 2.3: option and choice.
-    pub speer_1985: BTreeMap<&'static str, String>,
+    pub speer_1985: BTreeMap<&'static str, &'static str>,
     /// The version of this program.
     pub version: &'static str,
 }
@@ -281,7 +284,7 @@ impl Table1 {
 fn strategies<'s>(plan: &Table1Plan, scene: &'s NamedScene) -> [Box<dyn IntersectionStrategy + 's>; 2] {
     [
         StrategyKind::Standard.bind_on(&scene.scene, plan.backend),
-        StrategyKind::Speer1985.bind_on(&scene.scene, plan.backend),
+        Box::new(Speer1985::on(&scene.scene, plan.backend, plan.reading)),
     ]
 }
 
@@ -345,7 +348,7 @@ fn row(
             }
         }
         step(&scene.name);
-        let audited = Speer1985Options { audit: true, ..Speer1985Options::default() };
+        let audited = Speer1985Options { audit: true, ..plan.reading };
         let audit = render(&Speer1985::on(&scene.scene, plan.backend, audited), options)?;
         gathered[1].kinds += audit.stats.coherence;
         for (i, gathered) in gathered.iter_mut().enumerate() {
@@ -475,17 +478,6 @@ impl ModelReport {
 
 impl OptionsReport {
     fn of(plan: &Table1Plan) -> Self {
-        let Speer1985Options {
-            misses,
-            light_rays,
-            blocker,
-            slab,
-            end_planes,
-            matching,
-            inheritance,
-            originating,
-            audit: _,
-        } = Speer1985Options::default();
         Self {
             resolution: plan.resolution,
             seeds: plan.seeds.clone(),
@@ -495,16 +487,7 @@ impl OptionsReport {
             cutoff: plan.cutoff,
             backend: plan.backend.name(),
             order: "scanline",
-            speer_1985: BTreeMap::from([
-                ("misses", format!("{misses:?}")),
-                ("light_rays", format!("{light_rays:?}")),
-                ("blocker", format!("{blocker:?}")),
-                ("slab", format!("{slab:?}")),
-                ("end_planes", format!("{end_planes:?}")),
-                ("matching", format!("{matching:?}")),
-                ("inheritance", format!("{inheritance:?}")),
-                ("originating", format!("{originating:?}")),
-            ]),
+            speer_1985: plan.reading.choices().into_iter().collect(),
             version: env!("CARGO_PKG_VERSION"),
         }
     }

@@ -8,6 +8,7 @@
 //! Source: Speer et al. 1985, section 2.3.
 
 mod options;
+mod reading;
 mod retained;
 
 use rayset_geometry::{Cylinder, Departure, Probe, Ray};
@@ -18,6 +19,7 @@ pub use self::options::{
     BlockerRule, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,
     Speer1985Options,
 };
+pub use self::reading::UnknownReading;
 use self::retained::{Retained, RetainedTree};
 use super::partition::{Partition, any_in, departure, nearest_in};
 use crate::strategy::LaneTracer;
