@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rayset_engine::Backend;
-use rayset_study::{Table1, Table1Plan, write_file};
+use rayset_study::{Reading, Table1, Table1Plan, write_file};
 
 use crate::{Outcome, project};
 
@@ -51,7 +51,8 @@ pub(crate) struct Options {
     /// The lanes of both strategies; `scalar` is the paper's setting.
     #[arg(long, value_name = "NAME", default_value = "scalar")]
     backend: Backend,
-    /// Reads a place that the text of section 2.3 leaves open in another way; may be given several times.
+    /// Adds a reading of section 2.3 in which a place that the text leaves open is read in another way; may be given
+    /// several times, all for one reading.
     #[arg(long, value_name = "OPTION=CHOICE")]
     reading: Vec<String>,
     /// Leaves the meshes out.
@@ -90,10 +91,14 @@ impl Options {
         plan.max_depth = self.depth.unwrap_or(plan.max_depth);
         plan.cutoff = self.cutoff.map_or(plan.cutoff, |cutoff| cutoff.0);
         plan.backend = self.backend;
-        for reading in &self.reading {
-            let (option, choice) =
-                reading.split_once('=').ok_or(format!("`{reading}` is not OPTION=CHOICE"))?;
-            plan.reading.choose(option, choice)?;
+        if !self.reading.is_empty() {
+            let mut reading = Reading { name: self.reading.join(","), ..Reading::literal() };
+            for choice in &self.reading {
+                let (option, choice) =
+                    choice.split_once('=').ok_or(format!("`{choice}` is not OPTION=CHOICE"))?;
+                reading.options.choose(option, choice)?;
+            }
+            plan.readings.push(reading);
         }
         Ok(plan)
     }

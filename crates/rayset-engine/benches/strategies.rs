@@ -15,7 +15,8 @@ fn strategies(criterion: &mut Criterion) {
     for count in [8, 64] {
         let scene = RandomSpheres { count, ..RandomSpheres::default() }.scene().unwrap();
         let mut group = criterion.benchmark_group(format!("{count} spheres, 64 x 64"));
-        let rays = render(StrategyKind::Standard.bind(&scene).as_ref(), &options).unwrap().counts.total().cast;
+        let rays =
+            render(StrategyKind::Standard.bind(&scene).as_ref(), &options).unwrap().counts.total().cast;
         group.throughput(Throughput::Elements(rays));
         for &kind in StrategyKind::ALL {
             for backend in [Backend::Scalar, Backend::widest()] {

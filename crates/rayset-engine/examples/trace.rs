@@ -3,9 +3,7 @@
 #![expect(clippy::print_stdout, reason = "an example shows its result")]
 
 use rayset_engine::scene::RandomSpheres;
-use rayset_engine::{
-    Backend, RenderOptions, Speer1985, Speer1985Options, Standard, SweepLength, render,
-};
+use rayset_engine::{Backend, RenderOptions, Speer1985, Speer1985Options, Standard, SweepLength, render};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let count = std::env::args().nth(1).map_or(Ok(8), |count| count.parse())?;

@@ -208,7 +208,7 @@ fn check(options: &RenderOptions) -> Result<(), RenderError> {
     if options.bundle_len == Some(0) {
         return refuse("a bundle needs at least one ray-set".to_owned());
     }
-    if options.cutoff.is_some_and(|cutoff| !(cutoff >= 0.0)) {
+    if options.cutoff.is_some_and(|cutoff| cutoff < 0.0 || cutoff.is_nan()) {
         return refuse("the cut-off is negative or not a number".to_owned());
     }
     Ok(())

@@ -125,6 +125,7 @@ fn any_point(primitive: &Primitive) -> DVec3 {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "the values are exact, worked out by hand")]
 mod tests {
     use glam::dvec3;
 

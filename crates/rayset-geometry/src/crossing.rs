@@ -1,5 +1,9 @@
 //! Where edges cross the x axis of sheared space, and the depth of the ray between two crossings.
 
+use std::cmp::Ordering;
+
+use crate::compare_products;
+
 /// A point of the x axis of sheared space (see [`crate::Shear`]), with its distance along the ray.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Crossing {
@@ -26,14 +30,17 @@ impl Crossing {
 }
 
 impl Crossings {
+    /// Adds a crossing that exact comparison has found on the left, or on the ray; its rounded x counts as no farther
+    /// right than that.
     #[inline(always)]
     pub(crate) fn add_left(&mut self, crossing: Crossing) {
-        Crossing::keep(&mut self.left, crossing);
+        Crossing::keep(&mut self.left, Crossing { x: crossing.x.min(0.0), ..crossing });
     }
 
+    /// Adds a crossing on the right, or on the ray.
     #[inline(always)]
     pub(crate) fn add_right(&mut self, crossing: Crossing) {
-        Crossing::keep(&mut self.right, crossing);
+        Crossing::keep(&mut self.right, Crossing { x: crossing.x.max(0.0), ..crossing });
     }
 
     /// The distance at which the ray passes between the nearest crossings; `None` if there is none on one side.
@@ -55,11 +62,11 @@ impl Crossings {
     /// A vertex is sheared x, y and the distance along the ray. `None` only if the ray misses.
     pub(crate) fn depth_in_triangle(vertices: [[f64; 3]; 3]) -> Option<f64> {
         let mut crossings = Self::default();
-        let mut add = |crossing: Crossing| {
-            if crossing.x <= 0.0 {
+        let mut add = |crossing, side: Ordering| {
+            if side.is_le() {
                 crossings.add_left(crossing);
             }
-            if crossing.x >= 0.0 {
+            if side.is_ge() {
                 crossings.add_right(crossing);
             }
         };
@@ -70,17 +77,31 @@ impl Crossings {
                 continue;
             }
             if rise.abs() > 0.0 {
-                let depth = pz - py / rise * (qz - pz);
-                let depth = depth.max(pz.min(qz)).min(pz.max(qz));
-                add(Crossing { x: (px * qy - py * qx) / rise, depth });
+                let fraction = -py / rise;
+                let side = match compare_products(px, qy, py, qx) {
+                    order if rise > 0.0 => order,
+                    order => order.reverse(),
+                };
+                let (x, depth) = (between(px, qx, fraction), between(pz, qz, fraction));
+                add(Crossing { x, depth }, side);
             } else {
                 // The edge lies on the x axis.
-                add(Crossing { x: px, depth: pz });
-                add(Crossing { x: qx, depth: qz });
+                add(Crossing { x: px, depth: pz }, side_of(px));
+                add(Crossing { x: qx, depth: qz }, side_of(qx));
             }
         }
         crossings.depth_of_ray()
     }
+}
+
+/// The sign of a number; both zeros are the ray itself.
+fn side_of(x: f64) -> Ordering {
+    x.partial_cmp(&0.0).unwrap_or(Ordering::Equal)
+}
+
+/// The value a fraction of the way from `p` to `q`, never beyond them.
+fn between(p: f64, q: f64, fraction: f64) -> f64 {
+    (p + fraction * (q - p)).max(p.min(q)).min(p.max(q))
 }
 
 #[cfg(test)]

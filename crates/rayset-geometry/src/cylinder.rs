@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::Ray;
+
 /// A safety zone around a formative ray: it starts at the ray's anchor, has its axis along the ray, and ends at
 /// the plane through the nearest intersection point.
 ///
@@ -54,17 +56,22 @@ impl Cylinder {
         !(self.contains_radially(from) && self.contains_radially(to))
     }
 
-    /// Whether the half-line from `from` along the unit vector `direction` leaves the cylinder through its side.
-    ///
-    /// It stays inside exactly when it starts inside and runs parallel to the axis, or the radius is infinite.
+    /// How far along a ray the end plane is, in world units; infinite if the ray does not run towards it, or the
+    /// cylinder has no end.
     #[must_use]
-    pub fn is_pierced_by_half_line(&self, from: DVec3, direction: DVec3) -> bool {
-        let parallel = direction.cross(self.axis) == DVec3::ZERO;
-        !(self.contains_radially(from) && (parallel || self.radius == f64::INFINITY))
+    #[inline]
+    pub fn distance_to_end(&self, ray: &Ray) -> f64 {
+        let towards = ray.direction().dot(self.axis);
+        if towards > 0.0 {
+            (self.length - (ray.origin() - self.anchor).dot(self.axis)) / towards
+        } else {
+            f64::INFINITY
+        }
     }
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "the values are exact, worked out by hand")]
 mod tests {
     use glam::dvec3;
 
@@ -111,16 +118,15 @@ mod tests {
     fn infinite_radius_is_never_pierced() {
         let zone = Cylinder { radius: f64::INFINITY, ..cylinder() };
         assert!(!zone.is_pierced_by(dvec3(1e9, 0.0, 0.0), dvec3(0.0, -1e9, 4.0)));
-        assert!(!zone.is_pierced_by_half_line(dvec3(1e9, 0.0, 0.0), DVec3::X));
     }
 
     #[test]
-    fn half_line_stays_inside_only_along_the_axis() {
-        assert!(!cylinder().is_pierced_by_half_line(dvec3(1.2, 0.0, 0.0), DVec3::Z));
-        assert!(
-            cylinder()
-                .is_pierced_by_half_line(dvec3(1.2, 0.0, 0.0), crate::unit(dvec3(1e-9, 0.0, 1.0)).unwrap())
-        );
-        assert!(cylinder().is_pierced_by_half_line(dvec3(1.7, 0.0, 0.0), DVec3::Z));
+    fn end_plane_is_met_by_rays_that_run_towards_it() {
+        let zone = cylinder();
+        assert_eq!(zone.distance_to_end(&Ray::new(dvec3(5.0, 5.0, 1.0), DVec3::Z)), 3.0);
+        assert_eq!(zone.distance_to_end(&Ray::new(zone.anchor, DVec3::X)), f64::INFINITY);
+        assert_eq!(zone.distance_to_end(&Ray::new(zone.anchor, -DVec3::Z)), f64::INFINITY);
+        let endless = Cylinder { length: f64::INFINITY, ..zone };
+        assert_eq!(endless.distance_to_end(&Ray::new(zone.anchor, DVec3::Z)), f64::INFINITY);
     }
 }

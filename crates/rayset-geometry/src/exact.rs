@@ -57,6 +57,7 @@ fn decompose(value: f64) -> (u64, i32) {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "the values are exact, worked out by hand")]
 mod tests {
     use super::*;
 

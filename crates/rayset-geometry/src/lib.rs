@@ -44,3 +44,8 @@ pub use side::{Side, Sides};
 pub use span::Span;
 pub use sphere::Sphere;
 pub use triangle::Triangle;
+
+/// The examples of the readme, compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

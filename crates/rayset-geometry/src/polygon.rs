@@ -97,11 +97,13 @@ pub(crate) fn intersect<S: Simd>(
         let numerator = px * qy - py * qx;
         let rise = qy - py;
         let fraction = -py / rise;
+        // x is no quotient of the numerator, which may have lost its digits to underflow. Where rounding leads beyond
+        // the ends, the clamp keeps the bound exact.
+        let between = |p: S::F64, q: S::F64| (p + fraction * (q - p)).max(p.min(q)).min(p.max(q));
         let mut depth_lanes = [0.0; MAX_LANES];
         let mut x_lanes = [0.0; MAX_LANES];
-        // The interpolated depth may leave its ends by rounding; the clamp keeps the bound exact.
-        (pz + fraction * (qz - pz)).max(pz.min(qz)).min(pz.max(qz)).store(&mut depth_lanes);
-        (numerator / rise).store(&mut x_lanes);
+        between(pz, qz).store(&mut depth_lanes);
+        between(px, qx).store(&mut x_lanes);
         for lane in 0..S::F64::LANES {
             if crossing >> lane & 1 == 0 {
                 continue;

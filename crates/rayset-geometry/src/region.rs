@@ -165,6 +165,7 @@ impl VolumeColumns {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "the values are exact, worked out by hand")]
 mod tests {
     use glam::dvec3;
 

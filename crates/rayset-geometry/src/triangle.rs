@@ -161,6 +161,7 @@ pub(crate) fn intersect<S: Simd>(
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "the values are exact, worked out by hand")]
 mod tests {
     use glam::dvec3;
 

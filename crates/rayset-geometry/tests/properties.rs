@@ -18,11 +18,7 @@ use rayset_geometry::{
 use rayset_simd::{Backend, Kernel, Simd};
 
 fn config(cases: u32) -> ProptestConfig {
-    ProptestConfig {
-        cases: std::env::var("CASES").map_or(cases, |c| c.parse().unwrap()),
-        rng_seed: std::env::var("SEED").map_or(RngSeed::Fixed(1985), |c| RngSeed::Fixed(c.parse().unwrap())),
-        ..ProptestConfig::default()
-    }
+    ProptestConfig { cases, rng_seed: RngSeed::Fixed(1985), ..ProptestConfig::default() }
 }
 
 /// The coordinates that rounding is relative to: the origin's largest and the primitives' largest, in world units.
@@ -201,7 +197,7 @@ proptest! {
 
     #[test]
     fn near_parallel_ray_hits_a_cone_inside_its_bounds(
-        (cone, along, tilt, offset) in (any_cone(), -1.0..3.0, vector(), vector()),
+        (cone, along, tilt, offset) in (generators::any_cone(), -1.0..3.0, vector(), vector()),
         (tilt_size, offset_size) in (tiny_size(), tiny_size()),
     ) {
         let Primitive::Cone(c) = &cone else { unreachable!() };
@@ -341,11 +337,6 @@ proptest! {
         let order = compare_products(sign * left.0, left.1, right.0, sign * right.1);
         prop_assert_eq!(order, if sign > 0.0 { expected } else { expected.reverse() });
     }
-}
-
-/// A cone or cylinder, anywhere, at any scale.
-fn any_cone() -> impl Strategy<Value = Primitive> {
-    any_primitive().prop_filter("no cone", |primitive| primitive.kind() == PrimitiveKind::Cone)
 }
 
 fn tiny_size() -> impl Strategy<Value = f64> {

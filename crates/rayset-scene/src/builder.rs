@@ -1,6 +1,6 @@
 //! Scenes made in code.
 
-use glam::DVec3;
+use rayset_geometry::glam::DVec3;
 use rayset_geometry::{ColumnRun, Primitive, PrimitiveColumns, VolumeColumns, enclosing_sphere};
 
 use crate::light::Place;
@@ -227,6 +227,8 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
+    #![expect(clippy::float_cmp, reason = "numbers that no rounding touches")]
+
     use rayset_geometry::{PrimitiveKind, Sides, Sphere, Triangle};
 
     use super::*;

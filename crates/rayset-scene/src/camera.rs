@@ -1,6 +1,6 @@
 //! The pinhole camera.
 
-use glam::DVec3;
+use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, unit};
 
 use crate::SceneError;
@@ -92,7 +92,7 @@ impl Default for Camera {
 
 #[cfg(test)]
 mod tests {
-    use glam::dvec3;
+    use rayset_geometry::glam::dvec3;
 
     use super::*;
 

@@ -33,7 +33,6 @@ mod spheres;
 pub use builder::{MAX_COORDINATE, SceneBuilder};
 pub use camera::Camera;
 pub use error::{SceneError, Warning};
-pub use glam;
 pub use ids::{LightId, MaterialId, ObjectId, PrimitiveId, VolumeId};
 pub use light::{Illumination, Light};
 pub use material::{Color, Material};
@@ -41,5 +40,10 @@ pub use material::{Color, Material};
 pub use obj::{ObjGroup, ObjModel, load_obj};
 pub use part::Part;
 pub use rayset_geometry as geometry;
+pub use rayset_geometry::glam;
 pub use scene::{Object, PrimitiveLocation, Scene, SurfacePoint};
 pub use spheres::{RandomSpheres, SphereSize};
+
+#[cfg(all(doctest, feature = "obj"))]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,6 +1,6 @@
 //! Lights.
 
-use glam::DVec3;
+use rayset_geometry::glam::DVec3;
 use rayset_geometry::unit;
 
 use crate::Color;

@@ -1,6 +1,6 @@
 //! How a surface answers light.
 
-use glam::DVec3;
+use rayset_geometry::glam::DVec3;
 
 /// Linear red, green and blue; 1 is the white of a light of unit intensity.
 pub type Color = DVec3;

@@ -1,6 +1,6 @@
 //! A primitive as it is added to an object.
 
-use glam::DVec3;
+use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Cone, Polygon, Primitive, Sides, Sphere, Triangle};
 
 /// A primitive, the sides from which it is visible, and normals to shade it with.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glam::DVec3;
+use rayset_geometry::glam::DVec3;
 use rayset_geometry::{BoundingSphere, ColumnRun, PrimitiveColumns, PrimitiveKind, VolumeColumns, unit};
 
 use crate::{Camera, Color, Light, LightId, Material, MaterialId, ObjectId, PrimitiveId, VolumeId};

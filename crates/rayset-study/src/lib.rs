@@ -26,5 +26,6 @@ pub use images::image_of;
 pub use scenes::{NamedScene, cornell_box, cornell_spheres, knob, mesh_scenes, sphere_scene};
 pub use statistics::Spread;
 pub use table1::{
-    KindRow, ModelReport, OptionsReport, PAPER, PaperRow, Pictures, Row, StrategyRow, Table1, Table1Plan,
+    KindRow, ModelReport, OptionsReport, PAPER, PaperRow, Pictures, Reading, Row, StrategyRow, Table1,
+    Table1Plan,
 };

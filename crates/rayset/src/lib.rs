@@ -27,3 +27,15 @@ pub use rayset_geometry::glam;
 pub use rayset_image as image;
 pub use rayset_scene as scene;
 pub use rayset_simd as simd;
+
+/// The examples of the READMEs are compiled and run.
+#[cfg(all(doctest, feature = "obj", feature = "exr", feature = "png"))]
+mod readme {
+    #[doc = include_str!("../README.md")]
+    #[expect(dead_code, reason = "it only carries the example")]
+    struct OfTheCrate;
+
+    #[doc = include_str!("../../../README.md")]
+    #[expect(dead_code, reason = "it only carries the example")]
+    struct OfTheWorkspace;
+}

@@ -12,17 +12,17 @@ fn coordinate() -> impl Strategy<Value = f64> {
 }
 
 /// A vector of such numbers.
-pub fn vector() -> impl Strategy<Value = DVec3> {
+pub(crate) fn vector() -> impl Strategy<Value = DVec3> {
     uniform3(coordinate()).prop_map(DVec3::from_array)
 }
 
 /// The size of a scene, in world units.
-pub fn scale() -> impl Strategy<Value = f64> {
+pub(crate) fn scale() -> impl Strategy<Value = f64> {
     select(vec![1e-2, 0.3, 1.0, 37.0, 1e3, 1e6])
 }
 
 /// A unit vector in any direction.
-pub fn unit_vector() -> impl Strategy<Value = DVec3> {
+pub(crate) fn unit_vector() -> impl Strategy<Value = DVec3> {
     prop_oneof![2 => vector().prop_filter_map("the zero vector", unit), 1 => axis_parallel()]
 }
 
@@ -38,12 +38,12 @@ fn axis_parallel() -> impl Strategy<Value = DVec3> {
 }
 
 /// The sides a surface is visible from.
-pub fn sides() -> impl Strategy<Value = Sides> {
+pub(crate) fn sides() -> impl Strategy<Value = Sides> {
     select(vec![Sides::Front, Sides::Back, Sides::Both])
 }
 
 /// The side a ray leaves into, if it leaves the primitive at all.
-pub fn departure() -> impl Strategy<Value = Option<Side>> {
+pub(crate) fn departure() -> impl Strategy<Value = Option<Side>> {
     select(vec![None, Some(Side::Front), Some(Side::Back)])
 }
 
@@ -93,19 +93,24 @@ fn cone(center: DVec3, size: f64) -> impl Strategy<Value = Primitive> {
 }
 
 /// Any primitive of at most `size`, round `center`.
-pub fn primitive(center: DVec3, size: f64) -> impl Strategy<Value = Primitive> {
+pub(crate) fn primitive(center: DVec3, size: f64) -> impl Strategy<Value = Primitive> {
     prop_oneof![sphere(center, size), triangle(center, size), polygon(center, size), cone(center, size)]
 }
 
 /// Any primitive, anywhere, at any scale.
-pub fn any_primitive() -> impl Strategy<Value = Primitive> {
+pub(crate) fn any_primitive() -> impl Strategy<Value = Primitive> {
     (scale(), vector(), select(vec![1.0, 0.1, 1e-3]))
         .prop_flat_map(|(scale, center, size)| primitive(scale * center, scale * size))
 }
 
+/// A cone or cylinder, anywhere, at any scale.
+pub(crate) fn any_cone() -> impl Strategy<Value = Primitive> {
+    (scale(), vector()).prop_flat_map(|(scale, center)| cone(scale * center, scale))
+}
+
 /// How a ray is aimed at a primitive.
 #[derive(Clone, Debug)]
-pub struct Aim {
+pub(crate) struct Aim {
     /// Which points of the primitive the target lies between, and their weights.
     picks: [(usize, f64); 3],
     /// How far off, relative to the primitive's size.
@@ -127,7 +132,7 @@ enum From {
 }
 
 /// Rays that hit, miss or graze in all the ways that have ever been trouble.
-pub fn aim() -> impl Strategy<Value = Aim> {
+pub(crate) fn aim() -> impl Strategy<Value = Aim> {
     let pick =
         || (0..8_usize, select(vec![0.0, 0.0, 0.5, 1.0]).prop_union(select(vec![0.3, 0.1, 0.01, 1e-9])));
     let offset_size = select(vec![0.0, 0.0, 1e-16, 1e-12, 1e-6, 1e-2, 1.0]);
@@ -149,7 +154,7 @@ pub fn aim() -> impl Strategy<Value = Aim> {
 
 impl Aim {
     /// The aimed ray; `None` if it would start at its target.
-    pub fn at(&self, primitive: &Primitive) -> Option<Ray> {
+    pub(crate) fn at(&self, primitive: &Primitive) -> Option<Ray> {
         let features = features(primitive);
         let (mut target, mut weight) = (DVec3::ZERO, 0.0);
         for (index, share) in self.picks {
@@ -175,7 +180,7 @@ impl Aim {
 }
 
 /// Points of the surface that span it.
-pub fn features(primitive: &Primitive) -> Vec<DVec3> {
+pub(crate) fn features(primitive: &Primitive) -> Vec<DVec3> {
     match primitive {
         Primitive::Sphere(s) => DVec3::AXES
             .iter()

@@ -11,7 +11,7 @@ use robust::{Coord3D, orient3d};
 
 /// What faces become.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Faces {
+pub(crate) enum Faces {
     /// A triangle each, or a fan of them.
     Triangles,
     /// A polygon each.
@@ -22,14 +22,14 @@ pub enum Faces {
 
 /// A closed mesh; its faces go round counterclockwise seen from outside.
 #[derive(Clone, Debug)]
-pub struct Mesh {
-    pub name: &'static str,
-    pub vertices: Vec<DVec3>,
-    pub faces: Vec<Vec<usize>>,
+pub(crate) struct Mesh {
+    pub(crate) name: &'static str,
+    pub(crate) vertices: Vec<DVec3>,
+    pub(crate) faces: Vec<Vec<usize>>,
 }
 
 /// The nearest multiple of 2^-20: differences of such numbers are exact.
-pub fn snap(point: DVec3) -> DVec3 {
+pub(crate) fn snap(point: DVec3) -> DVec3 {
     const GRID: f64 = (1 << 20) as f64;
     (point * GRID).round() / GRID
 }
@@ -39,7 +39,7 @@ impl Mesh {
         Self { name, vertices: vertices.into_iter().map(snap).collect(), faces }
     }
 
-    pub fn tetrahedron() -> Self {
+    pub(crate) fn tetrahedron() -> Self {
         let vertices = vec![
             DVec3::ONE,
             DVec3::new(1.0, -1.0, -1.0),
@@ -54,13 +54,13 @@ impl Mesh {
     }
 
     /// A cube from -1 to 1.
-    pub fn cube() -> Self {
+    pub(crate) fn cube() -> Self {
         let square = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
         Self { name: "cube", ..Self::prism("cube", &square, -1.0, 1.0) }
     }
 
     /// An L, one unit high, that fills [0, 2] x [0, 1] and [0, 1] x [1, 2]; its reentrant wall is x = 1, y > 1.
-    pub fn l_prism() -> Self {
+    pub(crate) fn l_prism() -> Self {
         // The reentrant corner comes first: the L is star-shaped about it, so the fan from it stays inside.
         let outline = [(1.0, 1.0), (1.0, 2.0), (0.0, 2.0), (0.0, 0.0), (2.0, 0.0), (2.0, 1.0)];
         Self::prism("L prism", &outline, 0.0, 1.0)
@@ -77,11 +77,11 @@ impl Mesh {
     }
 
     /// A sphere of radius 1: an octahedron whose triangles are cut into four, so many times.
-    pub fn sphere(levels: usize) -> Self {
+    pub(crate) fn sphere(levels: usize) -> Self {
         let mut vertices: Vec<DVec3> = DVec3::AXES.iter().flat_map(|&axis| [axis, -axis]).collect();
         let mut faces: Vec<[usize; 3]> = Vec::new();
-        for (x, y, z) in (0..8).map(|i| (i & 1, 2 + (i >> 1 & 1), 4 + (i >> 2))) {
-            let is_even = (x + y + z) % 2 == 0;
+        for (x, y, z) in (0..8_usize).map(|i| (i & 1, 2 + (i >> 1 & 1), 4 + (i >> 2))) {
+            let is_even = (x + y + z).is_multiple_of(2);
             faces.push(if is_even { [x, y, z] } else { [y, x, z] });
         }
         for _ in 0..levels {
@@ -102,7 +102,7 @@ impl Mesh {
     }
 
     /// The cow of the fixtures, a closed surface without handles.
-    pub fn spot() -> Self {
+    pub(crate) fn spot() -> Self {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/obj/spot_triangulated.obj");
         let text = std::fs::read_to_string(path).expect("the fixture is in the repository");
         let lines_of = |tag: &'static str| text.lines().filter_map(move |line| line.strip_prefix(tag));
@@ -119,7 +119,7 @@ impl Mesh {
     }
 
     /// The mesh with its vertices mapped, not rounded again.
-    pub fn map(self, map: impl Fn(DVec3) -> DVec3) -> Self {
+    pub(crate) fn map(self, map: impl Fn(DVec3) -> DVec3) -> Self {
         Self { vertices: self.vertices.into_iter().map(map).collect(), ..self }
     }
 
@@ -129,7 +129,7 @@ impl Mesh {
         let as_polygon = match faces {
             Faces::Triangles => false,
             Faces::Polygons => true,
-            Faces::Mixed => corners.len() > 3 && i % 2 == 0,
+            Faces::Mixed => corners.len() > 3 && i.is_multiple_of(2),
         };
         if as_polygon {
             return vec![Polygon::new(corners).expect("faces have areas").into()];
@@ -138,19 +138,19 @@ impl Mesh {
     }
 
     /// The primitives of all faces.
-    pub fn primitives(&self, faces: Faces) -> Vec<Primitive> {
+    pub(crate) fn primitives(&self, faces: Faces) -> Vec<Primitive> {
         (0..self.faces.len()).flat_map(|i| self.face(i, faces)).collect()
     }
 
     /// The primitives of the faces that touch either vertex.
-    pub fn primitives_around(&self, [a, b]: [usize; 2], faces: Faces) -> Vec<Primitive> {
+    pub(crate) fn primitives_around(&self, [a, b]: [usize; 2], faces: Faces) -> Vec<Primitive> {
         let touching =
             (0..self.faces.len()).filter(|&i| self.faces[i].contains(&a) || self.faces[i].contains(&b));
         touching.flat_map(|i| self.face(i, faces)).collect()
     }
 
     /// The edges, once each.
-    pub fn edges(&self) -> Vec<[usize; 2]> {
+    pub(crate) fn edges(&self) -> Vec<[usize; 2]> {
         let of_face = |face: &Vec<usize>| {
             let ends: Vec<_> = (0..face.len()).map(|i| (face[i], face[(i + 1) % face.len()])).collect();
             ends.into_iter().map(|(a, b)| [a.min(b), a.max(b)])
@@ -161,7 +161,7 @@ impl Mesh {
     /// Where a half-line crosses the triangulated mesh, by exact predicates: from the front, and from the back.
     ///
     /// `None` if it meets an edge or a vertex, or starts on the surface. The differences to the origin must be exact.
-    pub fn crossings(&self, origin: DVec3, direction: DVec3) -> Option<[i32; 2]> {
+    pub(crate) fn crossings(&self, origin: DVec3, direction: DVec3) -> Option<[i32; 2]> {
         let mut counts = [0; 2];
         for face in &self.faces {
             let from_origin = |&v: &usize| self.vertices[v] - origin;
@@ -184,17 +184,17 @@ impl Mesh {
     }
 
     /// Points of the grid strictly inside, or outside: some anywhere, some close to the surface.
-    pub fn points(&self, inside: bool, count: usize, random: &mut Random) -> Vec<DVec3> {
+    pub(crate) fn points(&self, inside: bool, count: usize, random: &mut Random) -> Vec<DVec3> {
         let middle = self.vertices.iter().fold(DVec3::ZERO, |sum, &v| sum + v) / self.vertices.len() as f64;
         let (low, high) =
             self.vertices.iter().fold((middle, middle), |(low, high), &v| (low.min(v), high.max(v)));
         let mut points = Vec::new();
         while points.len() < count {
-            let anywhere = low + (high - low) * (0.5 * random.vector() + 0.5);
+            let anywhere = low + (high - low) * (0.75 * random.vector() + 0.5);
             let near = self.vertices[random.index(self.vertices.len())];
             let closeness = 1.0 / (1_u64 << random.index(16)) as f64;
             let sign = if inside { 1.0 } else { -1.0 };
-            let point = snap(if points.len() % 2 == 0 {
+            let point = snap(if points.len().is_multiple_of(2) {
                 anywhere
             } else {
                 near + sign * closeness * (middle - near)
@@ -216,34 +216,34 @@ fn sign(a: DVec3, b: DVec3, c: DVec3) -> i32 {
 }
 
 /// Seeded random numbers, the same on every machine.
-pub struct Random(ChaCha8Rng);
+pub(crate) struct Random(ChaCha8Rng);
 
 impl Random {
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(ChaCha8Rng::seed_from_u64(seed))
     }
 
     /// From 0 up to 1.
-    pub fn number(&mut self) -> f64 {
+    pub(crate) fn number(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    pub fn index(&mut self, len: usize) -> usize {
+    pub(crate) fn index(&mut self, len: usize) -> usize {
         let len = u64::try_from(len).expect("a small number");
         usize::try_from(self.0.next_u64() % len).expect("a small number")
     }
 
     /// In the cube from -1 to 1.
-    pub fn vector(&mut self) -> DVec3 {
+    pub(crate) fn vector(&mut self) -> DVec3 {
         DVec3::from_array([(); 3].map(|()| 2.0 * self.number() - 1.0))
     }
 
-    pub fn unit(&mut self) -> DVec3 {
+    pub(crate) fn unit(&mut self) -> DVec3 {
         unit(self.vector()).expect("no random vector is zero")
     }
 
     /// The direction with each component the same, the number above, or the one below.
-    pub fn nudge(&mut self, direction: DVec3) -> DVec3 {
+    pub(crate) fn nudge(&mut self, direction: DVec3) -> DVec3 {
         let nudges = self.index(27);
         let nudged = |value: f64, nudge: usize| match nudge % 3 {
             0 => value,

@@ -1,6 +1,6 @@
 //! From MTL's terms to Whitted's.
 
-use glam::DVec3;
+use rayset_geometry::glam::DVec3;
 
 use crate::{Color, Material};
 
@@ -41,6 +41,8 @@ pub(super) fn from_mtl(mtl: &tobj::Material) -> Material {
 
 #[cfg(test)]
 mod tests {
+    #![expect(clippy::float_cmp, reason = "numbers that no rounding touches")]
+
     use super::*;
 
     fn material(model: u8, change: impl Fn(&mut tobj::Material)) -> Material {

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-use glam::DVec3;
+use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Sides, Triangle};
 
 use self::guard::{Guard, ObjRules, Report};
@@ -144,6 +144,8 @@ fn group(model: tobj::Model) -> ObjGroup {
 
 #[cfg(test)]
 mod tests {
+    #![expect(clippy::float_cmp, reason = "numbers that no rounding touches")]
+
     use std::fs;
     use std::path::PathBuf;
 

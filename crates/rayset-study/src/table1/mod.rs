@@ -6,4 +6,6 @@ mod report;
 mod run;
 
 pub use self::paper::{PAPER, PaperRow};
-pub use self::run::{KindRow, ModelReport, OptionsReport, Pictures, Row, StrategyRow, Table1, Table1Plan};
+pub use self::run::{
+    KindRow, ModelReport, OptionsReport, Pictures, Reading, Row, StrategyRow, Table1, Table1Plan,
+};

@@ -2,7 +2,8 @@
 
 use plotters::prelude::*;
 
-use super::run::{Row, Table1};
+use super::run::{Row, StrategyRow, Table1};
+use crate::Spread;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
@@ -11,6 +12,8 @@ const ORANGE: RGBColor = RGBColor(230, 159, 0);
 const SKY: RGBColor = RGBColor(86, 180, 233);
 const GREEN: RGBColor = RGBColor(0, 158, 115);
 const VERMILION: RGBColor = RGBColor(213, 94, 0);
+const PURPLE: RGBColor = RGBColor(204, 121, 167);
+const BLUE: RGBColor = RGBColor(0, 114, 178);
 const SIZE: (u32, u32) = (900, 420);
 
 /// A line of the plot: label, colour, points, and the quartiles of each point if it has any.
@@ -27,37 +30,42 @@ pub(super) fn svg(table: &Table1) -> Result<String, Failure> {
     let of_paper = |value: &dyn Fn(&crate::PaperRow) -> f64| {
         table.paper.iter().map(|row| (f64::from(row.spheres), value(row))).collect::<Vec<_>>()
     };
-    let of_ours = |value: &dyn Fn(&crate::StrategyRow) -> f64| {
-        let point = |row: &&Row| (f64::from(row.spheres.unwrap_or(1)), value(&row.strategies["speer-1985"]));
-        rows.iter().map(point).collect::<Vec<_>>()
+    let of_ours = |reading: &str, value: &dyn Fn(&StrategyRow) -> f64| {
+        let point = |row: &&Row| Some((f64::from(row.spheres?), value(row.strategies.get(reading)?)));
+        rows.iter().filter_map(point).collect::<Vec<_>>()
     };
-    let quartiles = |value: &dyn Fn(&crate::StrategyRow) -> crate::Spread| {
+    let quartiles = |reading: &str, value: &dyn Fn(&StrategyRow) -> Spread| {
         let pair = |row: &&Row| {
-            let spread = value(&row.strategies["speer-1985"]);
-            (spread.lower_quartile, spread.upper_quartile)
+            let spread = value(row.strategies.get(reading)?);
+            Some((spread.lower_quartile, spread.upper_quartile))
         };
-        rows.iter().map(pair).collect::<Vec<_>>()
+        rows.iter().filter_map(pair).collect::<Vec<_>>()
     };
     let plain = |label, color, points| Curve { label, color, points, quartiles: Vec::new() };
+    let times = |label, color, reading| Curve {
+        label,
+        color,
+        points: of_ours(reading, &|row| row.ratio_time),
+        quartiles: quartiles(reading, &|row| row.ratio_time_spread),
+    };
+    let percents = |label, color, reading| Curve {
+        label,
+        color,
+        points: of_ours(reading, &|row| row.percent_coherent),
+        quartiles: quartiles(reading, &|row| row.percent_coherent_spread),
+    };
     let ratios = [
         plain("paper, printed", ORANGE, of_paper(&|row| row.ratio_printed)),
         plain("paper, from its times", VERMILION, of_paper(&|row| row.ratio_recomputed)),
-        Curve {
-            label: "ours, times",
-            color: GREEN,
-            points: of_ours(&|row| row.ratio_time),
-            quartiles: quartiles(&|row| row.ratio_time_spread),
-        },
-        plain("ours, work", SKY, of_ours(&|row| row.ratio_work)),
+        times("speer-1985, times", GREEN, "speer-1985"),
+        plain("speer-1985, work", SKY, of_ours("speer-1985", &|row| row.ratio_work)),
+        times("speer-1985-misses, times", PURPLE, "speer-1985-misses"),
+        plain("speer-1985-misses, work", BLUE, of_ours("speer-1985-misses", &|row| row.ratio_work)),
     ];
     let coherence = [
         plain("paper", ORANGE, of_paper(&|row| row.percent_coherent)),
-        Curve {
-            label: "ours",
-            color: GREEN,
-            points: of_ours(&|row| row.percent_coherent),
-            quartiles: quartiles(&|row| row.percent_coherent_spread),
-        },
+        percents("speer-1985", GREEN, "speer-1985"),
+        percents("speer-1985-misses", PURPLE, "speer-1985-misses"),
     ];
     let mut document = String::new();
     {

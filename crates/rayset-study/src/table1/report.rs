@@ -6,7 +6,7 @@ use std::path::Path;
 use rayset_image::{Image, to_srgb8, write_exr, write_false_colour_png, write_png_rgb8};
 
 use super::plot;
-use super::run::{Pictures, Row, Table1};
+use super::run::{ModelReport, Pictures, Row, StrategyRow, Table1};
 use crate::{StudyError, image_of, write_file};
 
 const SPEER: &str = "speer-1985";
@@ -79,7 +79,7 @@ impl Table1 {
     }
 
     fn write_rays(&self, text: &mut String) {
-        line(text, "## What became of the rays of `speer-1985`\n");
+        line(text, "## What became of the rays\n");
         line(text, "Over all seeds.");
         line(
             text,
@@ -87,15 +87,17 @@ impl Table1 {
         );
         line(
             text,
-            "| scene | kind | cast | hit | guided | missed the prediction | pierced | of these intercepted (Figure 2) | coherent | wrong |",
+            "| scene | reading | kind | cast | hit | guided | missed the prediction | pierced | of these intercepted (Figure 2) | coherent | wrong |",
         );
-        line(text, "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|");
-        for row in &self.ours {
+        line(text, "|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|");
+        for (row, reading, measured) in
+            self.ours.iter().flat_map(|row| readings(row).map(move |(n, m)| (row, n, m)))
+        {
             for kind in ["initial", "reflected", "refracted", "shadow"] {
-                let k = row.strategies[SPEER].kinds[kind];
+                let k = measured.kinds[kind];
                 let _ = writeln!(
                     text,
-                    "| {} | {kind} | {} | {} | {} | {} | {} | {} | {} | {} |",
+                    "| {} | `{reading}` | {kind} | {} | {} | {} | {} | {} | {} | {} | {} |",
                     row.scene,
                     k.cast,
                     k.hit,
@@ -112,42 +114,18 @@ impl Table1 {
     }
 
     fn write_model(&self, text: &mut String) {
-        let model = &self.model;
         line(text, "## Section 3: does the cost model predict this?\n");
-        let _ = writeln!(
-            text,
-            "Fitted to the sphere rows: k = {:.2} ns, lambda = {:.2} ns, alpha = {:.1} ns a ray, so k/lambda = {:.3} and",
-            1e9 * model.k,
-            1e9 * model.lambda,
-            1e9 * model.alpha,
-            model.k / model.lambda
-        );
-        let _ = writeln!(text, "C_T = 1 / (1 + k/lambda) = {:.1} %.\n", 100.0 * model.threshold);
-        line(text, "| n | coherence | C_T says | ratio predicted | ratio measured |");
-        line(text, "|---:|---:|---|---:|---:|");
-        let rows = self.ours.iter().filter(|row| row.spheres.is_some());
-        for (i, row) in rows.enumerate() {
-            let coherence = row.strategies[SPEER].percent_coherent;
-            let says = if coherence / 100.0 > model.threshold { "coherent wins" } else { "standard wins" };
-            let _ = writeln!(
-                text,
-                "| {} | {coherence:.1} % | {says} | {:.3} | {:.3} |",
-                row.volumes, model.predicted_ratio[i], model.measured_ratio[i]
-            );
+        for (reading, model) in &self.models {
+            self.write_model_of(text, reading, model);
         }
-        line(text, "");
-        let verdict = if model.predicts { "predicts" } else { "does not predict" };
+        let model = &self.model;
         let _ = writeln!(
             text,
-            "Section 3, with its own three constants fitted, {verdict} the measured ratios to within their quartiles: the root mean square error is {:.3}.",
-            model.rms_error
-        );
-        let decides = if model.threshold_decides { "tells rightly" } else { "does not tell rightly" };
-        let _ = writeln!(text, "The threshold alone {decides} which algorithm wins in each row.");
-        let _ = writeln!(
-            text,
-            "Fitted to the paper's own table, the model leaves a root mean square error of {:.3} (alpha/k = {:.2}, lambda/k = {:.2}), as large as the effect it should explain.",
-            model.paper_rms_error, model.paper_alpha_over_k, model.paper_lambda_over_k
+            "Fitted to the paper's own table, the model leaves a root mean square error of {:.3} (alpha/k = {:.2}, lambda/k = {:.2}); what it should explain, the distance of the ratios from 1, is {:.3}.",
+            model.paper_rms_error,
+            model.paper_alpha_over_k,
+            model.paper_lambda_over_k,
+            model.paper_rms_effect
         );
         let _ = writeln!(
             text,
@@ -156,18 +134,49 @@ impl Table1 {
         );
     }
 
+    fn write_model_of(&self, text: &mut String, reading: &str, model: &ModelReport) {
+        let _ = writeln!(
+            text,
+            "`{reading}`, fitted to its sphere rows: k = {:.2} ns, lambda = {:.2} ns, alpha = {:.1} ns a ray, so k/lambda = {:.3} and C_T = 1 / (1 + k/lambda) = {:.1} %.\n",
+            1e9 * model.k,
+            1e9 * model.lambda,
+            1e9 * model.alpha,
+            model.k / model.lambda,
+            100.0 * model.threshold
+        );
+        line(text, "| n | coherence | C_T says | ratio predicted | ratio measured |");
+        line(text, "|---:|---:|---|---:|---:|");
+        for (i, row) in self.ours.iter().filter(|row| row.spheres.is_some()).enumerate() {
+            let coherence = row.strategies[reading].percent_coherent;
+            let says = if coherence / 100.0 > model.threshold { "coherent wins" } else { "standard wins" };
+            let _ = writeln!(
+                text,
+                "| {} | {coherence:.1} % | {says} | {:.3} | {:.3} |",
+                row.volumes, model.predicted_ratio[i], model.measured_ratio[i]
+            );
+        }
+        let verdict = if model.predicts { "predicts" } else { "does not predict" };
+        let decides = if model.threshold_decides { "tells rightly" } else { "does not tell rightly" };
+        let _ = writeln!(
+            text,
+            "\nSection 3, with its own three constants fitted, {verdict} the measured ratios to within their quartiles: the root mean square error is {:.3}.\nThe threshold alone {decides} which algorithm wins in each row.\n",
+            model.rms_error
+        );
+    }
+
     fn write_cylinders(&self, text: &mut String) {
         line(text, "## Do cylinders shrink as objects become more?\n");
         line(text, "Medians in units of the scene's extent, over all cylinders built.\n");
-        line(text, "| scene | median radius | without bound | median length |");
-        line(text, "|---|---:|---:|---:|");
+        line(text, "| scene | reading | median radius | without bound | median length |");
+        line(text, "|---|---|---:|---:|---:|");
         let number =
             |value: Option<f64>| value.map_or_else(|| "unbounded".to_owned(), |value| format!("{value:.3}"));
-        for row in &self.ours {
-            let speer = &row.strategies[SPEER];
+        for (row, reading, speer) in
+            self.ours.iter().flat_map(|row| readings(row).map(move |(n, m)| (row, n, m)))
+        {
             let _ = writeln!(
                 text,
-                "| {} | {} | {:.1} % | {} |",
+                "| {} | `{reading}` | {} | {:.1} % | {} |",
                 row.scene,
                 number(speer.median_radius),
                 100.0 * speer.unbounded_radii,
@@ -181,12 +190,16 @@ impl Table1 {
             values.collect::<Vec<_>>().windows(2).all(|pair| pair[1] <= pair[0])
         };
         let verdict = |shrinks: bool| if shrinks { "held" } else { "failed" };
-        let _ = writeln!(
-            text,
-            "The paper says that both shrink (section 4). For these spheres: radius {}, length {}.\n",
-            verdict(shrinks(&|row| row.strategies[SPEER].median_radius)),
-            verdict(shrinks(&|row| row.strategies[SPEER].median_length)),
-        );
+        line(text, "The paper says that both shrink (section 4).");
+        for reading in self.models.keys() {
+            let _ = writeln!(
+                text,
+                "For these spheres, `{reading}`: radius {}, length {}.",
+                verdict(shrinks(&|row| row.strategies[reading].median_radius)),
+                verdict(shrinks(&|row| row.strategies[reading].median_length)),
+            );
+        }
+        line(text, "");
     }
 
     fn write_options(&self, text: &mut String) {
@@ -205,14 +218,15 @@ impl Table1 {
             options.order,
             options.backend
         );
-        line(text, "The two strategies take turns, and use the same kernels.");
+        line(text, "The strategies take turns, and use the same kernels.");
         line(
             text,
             "Work is primitive tests, volumes classified, radius comparisons, and two for each pierce check.\n",
         );
-        line(text, "The reading of section 2.3:\n");
-        for (option, choice) in &options.speer_1985 {
-            let _ = writeln!(text, "- `{option}`: `{choice}`");
+        for (reading, choices) in &options.readings {
+            let choices: Vec<_> =
+                choices.iter().map(|(option, choice)| format!("{option} = {choice}")).collect();
+            let _ = writeln!(text, "`{reading}` reads section 2.3 with {}.\n", choices.join(", "));
         }
     }
 
@@ -298,7 +312,7 @@ impl Table1 {
                     row.spheres.map(|n| n.to_string()).unwrap_or_default(),
                     row.volumes.to_string(),
                     row.primitives.to_string(),
-                    (*strategy).to_owned(),
+                    strategy.clone(),
                     measured.seconds.to_string(),
                     measured.seconds_frame.to_string(),
                     measured.percent_coherent.to_string(),
@@ -319,50 +333,55 @@ impl Table1 {
     #[must_use]
     pub fn summary(&self) -> String {
         let mut text = String::new();
-        line(
-            &mut text,
-            "| n | paper: coherent | ratio printed | ratio of its times | ours: coherent | ratio of times | ratio of work | wrong pixels |",
-        );
-        line(&mut text, "|---:|---:|---:|---:|---:|---:|---:|---:|");
+        line(&mut text, "| n | | percent coherent | ratio of times | ratio of work | wrong pixels |");
+        line(&mut text, "|---:|---|---:|---:|---:|---:|");
         for paper in &self.paper {
-            let Some(row) = self.of_spheres(paper.spheres) else { continue };
-            let speer = &row.strategies[SPEER];
+            let n = paper.spheres;
+            let (percent, printed, recomputed) =
+                (paper.percent_coherent, paper.ratio_printed, paper.ratio_recomputed);
             let _ = writeln!(
                 text,
-                "| {} | {:.1} % | {:.3} | {:.3} | {:.1} % | {:.2} | {:.2} | {} |",
-                paper.spheres,
-                paper.percent_coherent,
-                paper.ratio_printed,
-                paper.ratio_recomputed,
-                speer.percent_coherent,
-                speer.ratio_time,
-                speer.ratio_work,
-                speer.wrong_pixels
+                "| {n} | paper | {percent:.1} | {printed:.3}; {recomputed:.3} from its times | | |"
             );
+            for (reading, speer) in self.of_spheres(n).into_iter().flat_map(readings) {
+                let _ = writeln!(
+                    text,
+                    "| {n} | `{reading}` | {:.1} | {:.2} | {:.2} | {} |",
+                    speer.percent_coherent, speer.ratio_time, speer.ratio_work, speer.wrong_pixels
+                );
+            }
         }
         text
     }
 }
 
+/// Writes a line for each reading of the algorithm.
 fn write_row(text: &mut String, name: &str, row: &Row) {
-    let (standard, speer) = (&row.strategies["standard"], &row.strategies[SPEER]);
-    let (percents, ratios) = (&speer.percent_coherent_spread, &speer.ratio_time_spread);
-    let _ = writeln!(
-        text,
-        "| {name} | ours | {:.4} s | {:.4} s | {:.1} % ({:.1} to {:.1}) | {:.3} ({:.3} to {:.3}) | {:.3} | {:.3} | {} of {} |",
-        standard.seconds,
-        speer.seconds,
-        speer.percent_coherent,
-        percents.lower_quartile,
-        percents.upper_quartile,
-        speer.ratio_time,
-        ratios.lower_quartile,
-        ratios.upper_quartile,
-        speer.ratio_time_frame,
-        speer.ratio_work,
-        speer.wrong_pixels,
-        u64::from(row.resolution) * u64::from(row.resolution) * row.seeds as u64
-    );
+    let standard = &row.strategies["standard"];
+    for (reading, speer) in readings(row) {
+        let (percents, ratios) = (&speer.percent_coherent_spread, &speer.ratio_time_spread);
+        let _ = writeln!(
+            text,
+            "| {name} | `{reading}` | {:.4} s | {:.4} s | {:.1} % ({:.1} to {:.1}) | {:.3} ({:.3} to {:.3}) | {:.3} | {:.3} | {} of {} |",
+            standard.seconds,
+            speer.seconds,
+            speer.percent_coherent,
+            percents.lower_quartile,
+            percents.upper_quartile,
+            speer.ratio_time,
+            ratios.lower_quartile,
+            ratios.upper_quartile,
+            speer.ratio_time_frame,
+            speer.ratio_work,
+            speer.wrong_pixels,
+            u64::from(row.resolution) * u64::from(row.resolution) * row.seeds as u64
+        );
+    }
+}
+
+/// The strategies of a row besides `standard`.
+fn readings(row: &Row) -> impl Iterator<Item = (&String, &StrategyRow)> {
+    row.strategies.iter().filter(|(name, _)| *name != "standard")
 }
 
 fn line(text: &mut String, line: &str) {

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use rayset_engine::{
-    Backend, ByKind, CoherenceCounts, Frame, IntersectionStrategy, RayKind, Recording, RenderOptions,
-    Speer1985, Speer1985Options, Stats, StrategyKind, SweepLength, render,
+    Backend, ByKind, CoherenceCounts, Frame, IntersectionStrategy, MissRule, RayKind, Recording,
+    RenderOptions, Speer1985, Speer1985Options, Stats, StrategyKind, SweepLength, render,
 };
 use serde::Serialize;
 
@@ -35,8 +35,32 @@ pub struct Table1Plan {
     pub max_depth: u32,
     /// The adaptive cut-off.
     pub cutoff: Option<f64>,
-    /// How section 2.3 is read.
-    pub reading: Speer1985Options,
+    /// The readings of section 2.3 to compare with `standard`.
+    pub readings: Vec<Reading>,
+}
+
+/// A reading of section 2.3, with the name that reports give it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reading {
+    /// The name.
+    pub name: String,
+    /// The choices.
+    pub options: Speer1985Options,
+}
+
+impl Reading {
+    /// The default: each place that the text leaves open read as literally as it allows.
+    #[must_use]
+    pub fn literal() -> Self {
+        Self { name: StrategyKind::Speer1985.name().to_owned(), options: Speer1985Options::default() }
+    }
+
+    /// The same, but rays that hit nothing leave cylinders too: what comes nearest to the coherence the paper prints.
+    #[must_use]
+    pub fn with_misses() -> Self {
+        let options = Speer1985Options { misses: MissRule::Cylinder, ..Speer1985Options::default() };
+        Self { name: "speer-1985-misses".to_owned(), options }
+    }
 }
 
 impl Table1Plan {
@@ -54,7 +78,7 @@ impl Table1Plan {
             backend: Backend::Scalar,
             max_depth: RenderOptions::default().max_depth,
             cutoff: RenderOptions::default().cutoff,
-            reading: Speer1985Options::default(),
+            readings: vec![Reading::literal(), Reading::with_misses()],
         }
     }
 
@@ -97,8 +121,10 @@ pub struct Table1 {
     pub paper: Vec<PaperRow>,
     /// Our rows: spheres, then meshes.
     pub ours: Vec<Row>,
-    /// Section 3's model.
+    /// Section 3's model, fitted to the literal reading.
     pub model: ModelReport,
+    /// The same, fitted to each reading by itself.
+    pub models: BTreeMap<String, ModelReport>,
     /// How it was run.
     pub options: OptionsReport,
     /// Frames of the first seed, for pictures.
@@ -124,7 +150,7 @@ pub struct Row {
     /// Rays cast by `standard`, of all kinds, over all seeds.
     pub rays: u64,
     /// What each strategy took, by name.
-    pub strategies: BTreeMap<&'static str, StrategyRow>,
+    pub strategies: BTreeMap<String, StrategyRow>,
 }
 
 /// What a strategy took for a scene, over all seeds.
@@ -210,6 +236,8 @@ pub struct ModelReport {
     pub paper_lambda_over_k: f64,
     /// The root mean square error of that fit.
     pub paper_rms_error: f64,
+    /// The root mean square distance of the paper's ratios, recomputed, from 1: what the model should explain.
+    pub paper_rms_effect: f64,
     /// `k / lambda` as the paper derives it from its last row.
     pub paper_k_over_lambda: f64,
 }
@@ -233,8 +261,8 @@ pub struct OptionsReport {
     pub backend: &'static str,
     /// The pixel order.
     pub order: &'static str,
-    /// The reading of section 2.3: option and choice.
-    pub speer_1985: BTreeMap<&'static str, &'static str>,
+    /// The readings of section 2.3: option and choice.
+    pub readings: BTreeMap<String, BTreeMap<&'static str, &'static str>>,
     /// The version of this program.
     pub version: &'static str,
 }
@@ -245,7 +273,7 @@ pub struct Pictures {
     /// The name of the scene.
     pub scene: String,
     /// A frame for each strategy, by name.
-    pub frames: Vec<(&'static str, Frame)>,
+    pub frames: Vec<(String, Frame)>,
 }
 
 impl Table1 {
@@ -275,17 +303,24 @@ impl Table1 {
                 }
             }
         }
-        let model = ModelReport::of(&ours);
-        Ok(Self { paper: PAPER.to_vec(), ours, model, options: OptionsReport::of(plan), pictures })
+        let model_of = |reading: &Reading| (reading.name.clone(), ModelReport::of(&ours, &reading.name));
+        let models: BTreeMap<_, _> = plan.readings.iter().map(model_of).collect();
+        let model = ModelReport::of(&ours, &Reading::literal().name);
+        Ok(Self { paper: PAPER.to_vec(), ours, model, models, options: OptionsReport::of(plan), pictures })
     }
 }
 
-/// The two strategies of the experiment, bound to a scene.
-fn strategies<'s>(plan: &Table1Plan, scene: &'s NamedScene) -> [Box<dyn IntersectionStrategy + 's>; 2] {
-    [
-        StrategyKind::Standard.bind_on(&scene.scene, plan.backend),
-        Box::new(Speer1985::on(&scene.scene, plan.backend, plan.reading)),
-    ]
+/// The strategies of the experiment with their names, bound to a scene: `standard` is the first.
+fn strategies<'s>(
+    plan: &'s Table1Plan,
+    scene: &'s NamedScene,
+) -> Vec<(&'s str, Box<dyn IntersectionStrategy + 's>)> {
+    let standard = StrategyKind::Standard;
+    let mut strategies = vec![(standard.name(), standard.bind_on(&scene.scene, plan.backend))];
+    for Reading { name, options } in &plan.readings {
+        strategies.push((name, Box::new(Speer1985::on(&scene.scene, plan.backend, *options))));
+    }
+    strategies
 }
 
 fn pictures_of(
@@ -295,8 +330,8 @@ fn pictures_of(
 ) -> Result<Pictures, StudyError> {
     let options = RenderOptions { recording: Recording::PerQuery, ..*options };
     let mut frames = Vec::new();
-    for strategy in strategies(plan, scene) {
-        frames.push((strategy.name(), render(strategy.as_ref(), &options)?));
+    for (name, strategy) in strategies(plan, scene) {
+        frames.push((name.to_owned(), render(strategy.as_ref(), &options)?));
     }
     Ok(Pictures { scene: scene.name.clone(), frames })
 }
@@ -322,43 +357,47 @@ fn row(
     repetitions: usize,
     step: &mut dyn FnMut(&str),
 ) -> Result<Row, StudyError> {
-    let mut gathered: [Gathered; 2] = Default::default();
+    let n_strategies = 1 + plan.readings.len();
+    let mut gathered: Vec<Gathered> = (0..n_strategies).map(|_| Gathered::default()).collect();
     for scene in scenes {
         let strategies = strategies(plan, scene);
-        let mut seconds: [Vec<f64>; 2] = Default::default();
-        let mut seconds_frame: [Vec<f64>; 2] = Default::default();
+        let mut seconds = vec![Vec::new(); n_strategies];
+        let mut seconds_frame = vec![Vec::new(); n_strategies];
         for repetition in 0..repetitions {
             step(&scene.name);
-            let mut frames = [None, None];
-            // The one that goes first changes, so that neither always finds the warmer machine.
-            for turn in 0..2 {
-                let i = (turn + repetition) % 2;
-                frames[i] = Some(render(strategies[i].as_ref(), options)?);
+            let mut frames: Vec<Option<Frame>> = vec![None; n_strategies];
+            // The one that goes first changes, so that none always finds the warmer machine.
+            for turn in 0..n_strategies {
+                let i = (turn + repetition) % n_strategies;
+                frames[i] = Some(render(strategies[i].1.as_ref(), options)?);
             }
-            let [Some(standard), Some(other)] = frames else { unreachable!("both were rendered") };
-            for (i, frame) in [&standard, &other].into_iter().enumerate() {
-                seconds[i].push(frame.times.strategy.as_secs_f64());
-                seconds_frame[i].push(frame.times.trace.as_secs_f64());
-                let of_standard = (standard.times.strategy.as_secs_f64(), standard.times.trace.as_secs_f64());
-                gathered[i].ratios.push(frame.times.strategy.as_secs_f64() / of_standard.0);
-                gathered[i].ratios_frame.push(frame.times.trace.as_secs_f64() / of_standard.1);
+            let frames: Vec<Frame> = frames.into_iter().flatten().collect();
+            let standard = &frames[0];
+            for (i, frame) in frames.iter().enumerate() {
+                let (inside, whole) = (frame.times.strategy.as_secs_f64(), frame.times.trace.as_secs_f64());
+                seconds[i].push(inside);
+                seconds_frame[i].push(whole);
+                gathered[i].ratios.push(inside / standard.times.strategy.as_secs_f64());
+                gathered[i].ratios_frame.push(whole / standard.times.trace.as_secs_f64());
                 if repetition == 0 {
-                    gathered[i].count(frame, &standard);
+                    gathered[i].count(frame, standard);
                 }
             }
         }
         step(&scene.name);
-        let audited = Speer1985Options { audit: true, ..plan.reading };
-        let audit = render(&Speer1985::on(&scene.scene, plan.backend, audited), options)?;
-        gathered[1].kinds += audit.stats.coherence;
+        for (i, reading) in plan.readings.iter().enumerate() {
+            let audited = Speer1985Options { audit: true, ..reading.options };
+            let audit = render(&Speer1985::on(&scene.scene, plan.backend, audited), options)?;
+            gathered[i + 1].kinds += audit.stats.coherence;
+        }
         for (i, gathered) in gathered.iter_mut().enumerate() {
             gathered.seconds.push(Spread::of(&seconds[i]).median);
             gathered.seconds_frame.push(Spread::of(&seconds_frame[i]).median);
         }
     }
     let first = &scenes[0];
-    let [standard, speer] = &gathered;
-    let work = standard.stats.work.in_tests();
+    let work = gathered[0].stats.work.in_tests();
+    let names = strategies(plan, first).into_iter().map(|(name, _)| name.to_owned());
     Ok(Row {
         scene: first.name.clone(),
         spheres: first.spheres,
@@ -366,11 +405,8 @@ fn row(
         primitives: first.scene.n_primitives(),
         seeds: scenes.len(),
         resolution: options.width,
-        rays: standard.rays.total().cast,
-        strategies: BTreeMap::from([
-            (StrategyKind::Standard.name(), standard.row(work)),
-            (StrategyKind::Speer1985.name(), speer.row(work)),
-        ]),
+        rays: gathered[0].rays.total().cast,
+        strategies: names.zip(gathered.iter().map(|gathered| gathered.row(work))).collect(),
     })
 }
 
@@ -428,17 +464,23 @@ fn float(count: u64) -> f64 {
     count as f64
 }
 
+fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
+    let (count, sum) = values.fold((0, 0.0), |(count, sum), value| (count + 1, sum + value * value));
+    (sum / float(count.max(1))).sqrt()
+}
+
 fn percent(part: u64, whole: u64) -> f64 {
     100.0 * float(part) / float(whole.max(1))
 }
 
 impl ModelReport {
-    fn of(rows: &[Row]) -> Self {
-        let rows: Vec<_> = rows.iter().filter(|row| row.spheres.is_some()).collect();
+    fn of(rows: &[Row], reading: &str) -> Self {
+        let is_measured = |row: &&Row| row.spheres.is_some() && row.strategies.contains_key(reading);
+        let rows: Vec<_> = rows.iter().filter(is_measured).collect();
         let measurements: Vec<_> = rows
             .iter()
             .map(|row| {
-                let (standard, speer) = (&row.strategies["standard"], &row.strategies["speer-1985"]);
+                let (standard, speer) = (&row.strategies["standard"], &row.strategies[reading]);
                 let rays = float(row.rays) / float(row.seeds as u64);
                 Measurement {
                     n: float(row.volumes as u64),
@@ -450,10 +492,7 @@ impl ModelReport {
             .collect();
         let model = CostModel::fit(&measurements);
         let predicted: Vec<_> = measurements.iter().map(|m| model.ratio(m.n, m.coherence)).collect();
-        let measured: Vec<_> =
-            rows.iter().map(|row| row.strategies["speer-1985"].ratio_time_spread).collect();
-        let squares =
-            predicted.iter().zip(&measured).fold(0.0, |sum, (p, m)| sum + (p - m.median) * (p - m.median));
+        let measured: Vec<_> = rows.iter().map(|row| row.strategies[reading].ratio_time_spread).collect();
         let predicts =
             predicted.iter().zip(&measured).all(|(p, m)| (m.lower_quartile..=m.upper_quartile).contains(p));
         let wins = |m: &Measurement| (m.coherence > model.threshold()) == (m.coherent < m.standard);
@@ -463,7 +502,7 @@ impl ModelReport {
             lambda: model.lambda,
             alpha: model.alpha,
             threshold: model.threshold(),
-            rms_error: (squares / float(predicted.len().max(1) as u64)).sqrt(),
+            rms_error: root_mean_square(predicted.iter().zip(&measured).map(|(p, m)| p - m.median)),
             predicted_ratio: predicted,
             measured_ratio: measured.iter().map(|spread| spread.median).collect(),
             predicts,
@@ -471,6 +510,7 @@ impl ModelReport {
             paper_alpha_over_k: paper.alpha / paper.k,
             paper_lambda_over_k: paper.lambda / paper.k,
             paper_rms_error,
+            paper_rms_effect: root_mean_square(PAPER.iter().map(|row| row.ratio_recomputed - 1.0)),
             paper_k_over_lambda: PAPER[3].k_over_lambda(),
         }
     }
@@ -487,7 +527,11 @@ impl OptionsReport {
             cutoff: plan.cutoff,
             backend: plan.backend.name(),
             order: "scanline",
-            speer_1985: plan.reading.choices().into_iter().collect(),
+            readings: plan
+                .readings
+                .iter()
+                .map(|reading| (reading.name.clone(), reading.options.choices().into_iter().collect()))
+                .collect(),
             version: env!("CARGO_PKG_VERSION"),
         }
     }

@@ -294,11 +294,12 @@ impl Speer1985Tracer<'_> {
             }
             _ => None,
         };
-        let mut radius = f64::INFINITY;
+        let (mut radius, mut farthest) = (f64::INFINITY, 0.0_f64);
         for member in &self.partition.not_intersected {
             self.stats.work.radius_comparisons += 1;
             let reach = scene.volumes().radius(member.volume.index());
             let (near, far) = (member.along - reach, member.along + reach);
+            farthest = farthest.max(far);
             let is_between = match self.options.slab {
                 SlabRule::Overlapping => near < length && far > 0.0,
                 SlabRule::Centre => 0.0 < member.along && member.along < length,
@@ -313,6 +314,8 @@ impl Speer1985Tracer<'_> {
                 }
             }
         }
+        // A ray that meets nothing needs protection only as far as there is anything.
+        let length = if length < f64::INFINITY || radius == f64::INFINITY { length } else { farthest };
         self.stats.work.cylinders_built += 1;
         let unit = scene.extent();
         self.stats.radii.record(radius / unit);
@@ -322,13 +325,16 @@ impl Speer1985Tracer<'_> {
 }
 
 impl Speer1985Options {
-    /// The pierce check for a ray up to distance `end`, which may be infinite.
+    /// The pierce check for a ray up to distance `end`; if that is infinite, up to the end plane of the cylinder.
     #[inline(always)]
     fn is_pierced(&self, zone: &Cylinder, ray: &Ray, end: f64) -> bool {
+        let from = ray.origin();
+        let end = if end < f64::INFINITY { end } else { zone.distance_to_end(ray) };
         if end == f64::INFINITY {
-            return zone.is_pierced_by_half_line(ray.origin(), ray.direction());
+            // Nothing was in front of the formative ray: its cylinder has neither side nor end.
+            return zone.radius < f64::INFINITY;
         }
-        let (from, to) = (ray.origin(), ray.at(end));
+        let to = ray.at(end);
         let leaves_by_an_end = self.end_planes == EndPlaneRule::Closed
             && !(zone.contains_axially(from) && zone.contains_axially(to));
         leaves_by_an_end || zone.is_pierced_by(from, to)

@@ -6,7 +6,8 @@ pub enum MissRule {
     /// Nothing. The text speaks of cylinders that end at a point of intersection, so a miss has none.
     #[default]
     Partition,
-    /// A cylinder without end: a corresponding ray that does not pierce it hits nothing either.
+    /// A cylinder that ends behind the last volume in front: a corresponding ray that does not pierce it hits nothing
+    /// either.
     Cylinder,
 }
 

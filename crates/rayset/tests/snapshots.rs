@@ -1,0 +1,111 @@
+//! Rendered images and their counts as snapshots a reviewer can read, and as goldens compared bit by bit.
+
+use std::path::PathBuf;
+
+use rayset::engine::{Frame, PlaneSamples, Recording, RenderOptions, StrategyKind, render};
+use rayset::image::{Image, compare, read_exr, write_exr};
+use rayset::scene::{RandomSpheres, Scene};
+
+/// The options of the golden images.
+fn options() -> RenderOptions {
+    RenderOptions { width: 64, height: 48, ..RenderOptions::default() }
+}
+
+fn spheres(count: u32) -> Scene {
+    RandomSpheres { count, seed: 1, ..RandomSpheres::default() }.scene().unwrap()
+}
+
+fn image_of(frame: &Frame) -> Image {
+    let mut image = Image::new(frame.width, frame.height).unwrap();
+    for plane in frame.planes() {
+        match plane.samples {
+            PlaneSamples::F32(samples) => image.push_f32(plane.name, samples.to_vec()).unwrap(),
+            PlaneSamples::U32(samples) => image.push_u32(plane.name, samples.to_vec()).unwrap(),
+        }
+    }
+    image
+}
+
+/// Writes an image and reads it back; the two must have the same bits.
+fn through_a_file(image: &Image) -> Image {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("image.exr");
+    write_exr(&path, image).unwrap();
+    let read = read_exr(&path).unwrap();
+    let comparison = compare(image, &read, 0.0).unwrap();
+    assert!(comparison.is_identical(), "{comparison}");
+    read
+}
+
+fn golden(name: &str) -> Image {
+    let fixtures = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
+    read_exr(&fixtures.join("golden").join(format!("{name}.exr"))).unwrap()
+}
+
+fn check(name: &str, scene: &Scene) {
+    for &kind in StrategyKind::ALL {
+        let strategy = kind.bind(scene);
+        let frame = render(strategy.as_ref(), &options()).unwrap();
+        let image = through_a_file(&image_of(&frame));
+        insta::assert_snapshot!(format!("{name}-{kind}-image"), image.summary(8, 6));
+        insta::assert_snapshot!(format!("{name}-{kind}-counts"), format!("{}\n{}", frame.counts, frame.stats));
+        if strategy.is_exact() {
+            let comparison = compare(&golden(name), &image, 0.0).unwrap();
+            assert!(comparison.is_identical(), "{name} by {kind}: {comparison}");
+        }
+    }
+}
+
+#[test]
+fn one_sphere_looks_as_it_did() {
+    check("spheres-1", &spheres(1));
+}
+
+#[test]
+fn eight_spheres_look_as_they_did() {
+    check("spheres-8", &spheres(8));
+}
+
+#[cfg(feature = "obj")]
+#[test]
+fn cornell_box_loads_as_it_did() {
+    let fixtures = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
+    let model = rayset::scene::load_obj(&fixtures.join("obj/cornell/CornellBox-Sphere.obj")).unwrap();
+    let mut text = String::new();
+    for group in &model.groups {
+        let material = group.material.map_or("none", |i| model.materials[i].0.as_str());
+        text += &format!("{}: {} triangles of {material}\n", group.name, group.triangles.len());
+    }
+    for warning in &model.warnings {
+        text += &format!("line {}: {}\n", warning.line, warning.message);
+    }
+    for (name, material) in &model.materials {
+        text += &format!("{name}: {material:?}\n");
+    }
+    insta::assert_snapshot!(text);
+}
+
+#[test]
+fn recorded_planes_survive_a_file() {
+    let scene = spheres(8);
+    let options = RenderOptions { recording: Recording::PerQuery, ..options() };
+    let frame = render(StrategyKind::Speer1985.bind(&scene).as_ref(), &options).unwrap();
+    let image = through_a_file(&image_of(&frame));
+    let names: Vec<_> = image.channels().iter().map(|channel| channel.name()).collect();
+    assert_eq!(names, ["R", "G", "B", "coherent", "rays"]);
+    let rays: u64 = frame.rays.unwrap().iter().map(|&rays| u64::from(rays)).sum();
+    assert_eq!(rays, frame.counts.total().cast, "every ray belongs to one pixel");
+}
+
+#[test]
+fn recording_changes_no_pixel_and_no_count() {
+    let scene = spheres(8);
+    for &kind in StrategyKind::ALL {
+        let strategy = kind.bind(&scene);
+        let plain = render(strategy.as_ref(), &options()).unwrap();
+        let options = RenderOptions { recording: Recording::PerQuery, ..options() };
+        let recorded = render(strategy.as_ref(), &options).unwrap();
+        assert_eq!(plain.differing_pixels(&recorded), 0, "{kind}");
+        assert_eq!(plain.stats, recorded.stats, "{kind}");
+    }
+}
