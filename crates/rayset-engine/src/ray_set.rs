@@ -13,12 +13,11 @@ use crate::{
 
 /// How far from the surface it leaves a ray begins to see other surfaces, relative to the coordinates involved.
 ///
-/// A hit point is off its surface by rounding, at most some 50 units in the last place of the larger of the ray's
-/// origin and its length. A ray that leaves from there takes no notice of anything nearer than `DEPARTURE_MARGIN *
-/// (the largest coordinate of the incoming ray's origin + its length)`: of surfaces that coincide with the one it
-/// leaves. The surface itself is left by its identity, not by this margin. 2^-46 is 128 roundings; derived in
-/// `docs/numerics.md`.
-pub const DEPARTURE_MARGIN: f64 = 1.0 / (1_u64 << 46) as f64;
+/// A hit point is off its surface by rounding. A ray that leaves from there takes no notice of anything nearer than
+/// `DEPARTURE_MARGIN * (the largest coordinate of the incoming ray's origin + the scene's)`: of surfaces that coincide
+/// with the one it leaves, if it leaves them at more than a degree. The surface itself is left by its identity, not
+/// by this margin. 2^-40 is 8192 roundings; derived in `docs/numerics.md`.
+pub const DEPARTURE_MARGIN: f64 = 1.0 / (1_u64 << 40) as f64;
 
 /// When a tree stops to grow.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -184,7 +183,7 @@ impl RaySets {
             if !(surface.normal.dot(direction) > 0.0 && surface.shading_normal.dot(direction) > 0.0) {
                 continue;
             }
-            let start = departure(&query.ray, hit);
+            let start = departure(scene, &query.ray);
             self.shadow.push(&ShadowQuery {
                 ray_set: query.ray_set,
                 slot: query.slot,
@@ -232,7 +231,7 @@ impl RaySets {
                 slot,
                 originating: Some(originating),
                 ray: Ray::new(surface.point, direction),
-                span: Span { start: departure(&query.ray, hit), end: f64::INFINITY },
+                span: Span { start: departure(scene, &query.ray), end: f64::INFINITY },
             });
             let ray_set = sets.trees.nodes[node].ray_set;
             sets.trees.nodes.push(self::node(ray_set, slot, direction, weight));
@@ -265,8 +264,8 @@ fn index(i: usize) -> u32 {
 }
 
 /// Where a ray that leaves a hit begins to see other surfaces.
-fn departure(incoming: &Ray, hit: &Hit) -> f64 {
-    DEPARTURE_MARGIN * (incoming.origin().abs().max_element() + hit.t)
+fn departure(scene: &Scene, incoming: &Ray) -> f64 {
+    DEPARTURE_MARGIN * (incoming.origin().abs().max_element() + scene.extent())
 }
 
 fn surface_at(scene: &Scene, ray: &Ray, hit: &Hit) -> Surface {

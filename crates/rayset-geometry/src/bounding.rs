@@ -172,6 +172,14 @@ mod tests {
     }
 
     #[test]
+    fn tilted_cylinder_is_enclosed() {
+        // The centre lies on the axis up to rounding, and what is off it is noise.
+        let (base, apex) = (dvec3(0.3, 0.7, -0.2), dvec3(2.1, -1.3, 3.7));
+        let minimal = (0.25 * base.distance_squared(apex) + 0.25).sqrt();
+        assert_near_minimal(&[Cone::new(base, 0.5, apex, 0.5).unwrap().into()], minimal);
+    }
+
+    #[test]
     fn single_sphere_is_its_own_bound() {
         let sphere = Sphere::new(dvec3(1.0, 2.0, 3.0), 0.1);
         assert_eq!(enclosing_sphere(&[sphere.into()]), sphere.bounding_sphere());

@@ -247,6 +247,36 @@ mod tests {
     }
 
     #[test]
+    fn all_edges_in_doubt_are_decided_exactly() {
+        // Seen edge-on but for e^2: every edge function rounds to zero, and none is.
+        let e = f64::EPSILON;
+        let (p, q) = (dvec3(1.0 + e, 1.0, 1.0), dvec3(-1.0, e - 1.0, 2.0));
+        let apex = dvec3(-1.0 - 2.0 * e, -1.0 - e, 3.0);
+        let edges = [(p, q), (q, apex), (apex, p)];
+        assert_eq!(edges.map(|(a, b)| a.x * b.y - a.y * b.x), [0.0; 3]);
+        let exact = edges.map(|(a, b)| compare_products(a.x, b.y, a.y, b.x));
+        assert_eq!(exact, [std::cmp::Ordering::Greater; 3]);
+        let sliver = Primitive::from(Triangle::new(p, q, apex));
+        let t = sliver.intersect(&Ray::new(DVec3::ZERO, DVec3::Z), Span::FORWARD, Sides::Both, None).unwrap();
+        // It passes between the edges from p to q and from p to the apex.
+        assert!((1.5..=2.0).contains(&t), "{t}");
+    }
+
+    #[test]
+    fn underflowing_products_cost_no_digits() {
+        let corners = [dvec3(-1.0, -2.0, 3.0), dvec3(4.0, -1.0, 5.0), dvec3(-1.5, 3.0, 7.0)];
+        let t = |scale: f64| {
+            let [a, b, c] = corners.map(|corner| scale * corner);
+            let primitive = Primitive::from(Triangle::new(a, b, c));
+            let ray = Ray::new(DVec3::ZERO, DVec3::Z);
+            primitive.intersect(&ray, Span::FORWARD, Sides::Both, None).unwrap() / scale
+        };
+        for scale in [1e-100, 1e-150, 1e-155, 1e-158, 1e-161, 1e-200] {
+            assert!((t(scale) - t(1.0)).abs() < 1e-14, "{scale}: {} against {}", t(scale), t(1.0));
+        }
+    }
+
+    #[test]
     fn barycentric_weights_recover_the_point() {
         let Primitive::Triangle(triangle) = triangle() else { unreachable!() };
         assert_eq!(triangle.barycentric(dvec3(0.25, 0.5, 2.0)), [0.25, 0.25, 0.5]);

@@ -11,7 +11,9 @@ use std::thread;
 
 use meshes::{Faces, Mesh, Random, snap};
 use rayset_geometry::glam::DVec3;
-use rayset_geometry::{ColumnRun, Primitive, PrimitiveColumns, PrimitiveKind, Probe, Ray, Sides, Span, unit};
+use rayset_geometry::{
+    ColumnRun, Polygon, Primitive, PrimitiveColumns, PrimitiveKind, Probe, Ray, Sides, Span, Triangle, unit,
+};
 use rayset_simd::{Backend, Kernel, Simd};
 
 /// How many aimed rays there are in all.
@@ -123,7 +125,8 @@ impl Kernel for AimedRays<'_> {
 #[test]
 fn ray_at_an_edge_or_vertex_never_slips_through() {
     let targets = [
-        (Target::new(Mesh::sphere(3), Faces::Triangles, 400), 40),
+        (Target::new(Mesh::sphere(3), Faces::Triangles, 400), 30),
+        (Target::new(Mesh::sphere(3).inside_out(), Faces::Triangles, 400), 10),
         (Target::new(Mesh::tetrahedron(), Faces::Triangles, 400), 8),
         (Target::new(Mesh::cube(), Faces::Triangles, 400), 8),
         (Target::new(Mesh::cube(), Faces::Polygons, 400), 4),
@@ -184,6 +187,26 @@ fn ray_along_a_reentrant_wall_never_slips_through() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn ray_inside_a_sliver_never_slips_through() {
+    // A tetrahedron 1e-32 thin that the ray leaves by the face of p, q and r: seen from the origin it is edge-on but
+    // for e^2, so that all its edge functions round to zero. The ray passes the other faces behind its origin only.
+    let e = f64::EPSILON;
+    let [p, q, r, behind] =
+        [[1.0 + e, 1.0, 1.0], [-1.0, e - 1.0, 2.0], [-1.0 - 2.0 * e, -1.0 - e, 3.0], [0.0, 0.0, -5.0]]
+            .map(DVec3::from_array);
+    let ray = Ray::new(DVec3::ZERO, DVec3::Z);
+    let is_hit = |a, b, c| {
+        let triangle = Primitive::from(Triangle::new(a, b, c));
+        let polygon = Primitive::from(Polygon::new(vec![a, b, c]).expect("it has an area"));
+        [triangle, polygon].map(|face| face.intersect(&ray, Span::FORWARD, Sides::Both, None).is_some())
+    };
+    assert_eq!(is_hit(p, q, r), [true; 2]);
+    for (a, b) in [(p, q), (q, r), (r, p)] {
+        assert_eq!(is_hit(b, a, behind), [false; 2]);
     }
 }
 

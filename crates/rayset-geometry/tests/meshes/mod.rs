@@ -123,6 +123,12 @@ impl Mesh {
         Self { vertices: self.vertices.into_iter().map(map).collect(), ..self }
     }
 
+    /// The mesh with the other side of every face in front.
+    pub(crate) fn inside_out(self) -> Self {
+        let turned = |face: Vec<usize>| face.into_iter().rev().collect();
+        Self { name: "inside out", faces: self.faces.into_iter().map(turned).collect(), ..self }
+    }
+
     /// The primitives of one face.
     fn face(&self, i: usize, faces: Faces) -> Vec<Primitive> {
         let corners: Vec<_> = self.faces[i].iter().map(|&v| self.vertices[v]).collect();

@@ -329,14 +329,16 @@ impl Speer1985Options {
     #[inline(always)]
     fn is_pierced(&self, zone: &Cylinder, ray: &Ray, end: f64) -> bool {
         let from = ray.origin();
-        let end = if end < f64::INFINITY { end } else { zone.distance_to_end(ray) };
+        let is_endless = end == f64::INFINITY;
+        let end = if is_endless { zone.distance_to_end(ray) } else { end };
         if end == f64::INFINITY {
             // Nothing was in front of the formative ray: its cylinder has neither side nor end.
             return zone.radius < f64::INFINITY;
         }
         let to = ray.at(end);
+        // A ray that goes on for ever is followed to the end plane, and leaves by it as it should.
         let leaves_by_an_end = self.end_planes == EndPlaneRule::Closed
-            && !(zone.contains_axially(from) && zone.contains_axially(to));
+            && !(zone.contains_axially(from) && (is_endless || zone.contains_axially(to)));
         leaves_by_an_end || zone.is_pierced_by(from, to)
     }
 }

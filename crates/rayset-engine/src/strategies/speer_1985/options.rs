@@ -79,6 +79,9 @@ pub enum InheritanceRule {
 }
 
 /// Whether the volume that a ray leaves limits its cylinder.
+///
+/// In a render it does not matter: a ray starts inside its originating volume or on it, so the partition puts that
+/// volume into I, and only N limits the radius.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum OriginatingRule {
     /// No: the container reaches "to the nearest object not intersected by that ray" (2.3.1), and a ray starts on its
