@@ -3,7 +3,7 @@
 use rayset_scene::Scene;
 use rayset_simd::{Backend, Kernel, Simd};
 
-use crate::{Answers, Generation, Hit, QueryWork, RayQuery, ShadowGeneration, ShadowQuery, Stats};
+use crate::{Answers, Generation, Hit, QueryWork, RayQuery, ShadowGeneration, ShadowQuery, Stats, Work};
 
 /// What a tracer writes down beside its answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -60,40 +60,46 @@ pub trait Tracer {
     /// Answers a whole generation; override it to batch.
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
         for i in 0..generation.len() {
-            let (hit, work) = recorded(self, |tracer| tracer.nearest(&generation.query(i)));
-            answers.values.push(hit);
-            answers.work.extend(work);
+            let before = Before::of(self);
+            answers.values.push(self.nearest(&generation.query(i)));
+            before.record(self, &mut answers.work);
         }
     }
 
     /// Answers the light rays of a generation; override it to batch.
     fn occluded_bundle(&mut self, generation: &ShadowGeneration, answers: &mut Answers<bool>) {
         for i in 0..generation.len() {
-            let (occluded, work) = recorded(self, |tracer| tracer.occluded(&generation.query(i)));
-            answers.values.push(occluded);
-            answers.work.extend(work);
+            let before = Before::of(self);
+            answers.values.push(self.occluded(&generation.query(i)));
+            before.record(self, &mut answers.work);
         }
     }
 }
 
-/// Answers one query and, if it is recorded, says what it took.
-fn recorded<T: Tracer + ?Sized, A>(
-    tracer: &mut T,
-    answer: impl FnOnce(&mut T) -> A,
-) -> (A, Option<QueryWork>) {
-    match tracer.recording() {
-        Recording::Off => (answer(tracer), None),
-        Recording::PerQuery => {
-            let before = progress(tracer.stats());
-            let answer = answer(tracer);
-            let after = progress(tracer.stats());
-            (answer, Some(QueryWork { work: after.0 - before.0, coherent: after.1 > before.1 }))
+/// What a tracer had done before a query, if the query's work is recorded.
+struct Before(Option<(Work, u64)>);
+
+impl Before {
+    #[inline(always)]
+    fn of<T: Tracer + ?Sized>(tracer: &T) -> Self {
+        match tracer.recording() {
+            Recording::Off => Self(None),
+            Recording::PerQuery => Self(Some(Self::progress(tracer.stats()))),
         }
     }
-}
 
-fn progress(stats: &Stats) -> (crate::Work, u64) {
-    (stats.work, stats.coherence.total().coherent)
+    /// Writes down what the query took.
+    #[inline(always)]
+    fn record<T: Tracer + ?Sized>(self, tracer: &T, column: &mut Vec<QueryWork>) {
+        if let Some((work, coherent)) = self.0 {
+            let after = Self::progress(tracer.stats());
+            column.push(QueryWork { work: after.0 - work, coherent: after.1 > coherent });
+        }
+    }
+
+    fn progress(stats: &Stats) -> (Work, u64) {
+        (stats.work, stats.coherence.total().coherent)
+    }
 }
 
 /// A tracer written once for any number of lanes; the lanes are chosen once a generation.
@@ -168,10 +174,10 @@ impl<T: LaneTracer> Kernel for NearestBundle<'_, T> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         for i in 0..self.generation.len() {
-            let query = self.generation.query(i);
-            let (hit, work) = recorded(self.tracer, |tracer| tracer.nearest_on(simd, &query));
+            let before = Before::of(self.tracer);
+            let hit = self.tracer.nearest_on(simd, &self.generation.query(i));
             self.answers.values.push(hit);
-            self.answers.work.extend(work);
+            before.record(self.tracer, &mut self.answers.work);
         }
     }
 }
@@ -187,10 +193,10 @@ impl<T: LaneTracer> Kernel for OccludedBundle<'_, T> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         for i in 0..self.generation.len() {
-            let query = self.generation.query(i);
-            let (occluded, work) = recorded(self.tracer, |tracer| tracer.occluded_on(simd, &query));
+            let before = Before::of(self.tracer);
+            let occluded = self.tracer.occluded_on(simd, &self.generation.query(i));
             self.answers.values.push(occluded);
-            self.answers.work.extend(work);
+            before.record(self.tracer, &mut self.answers.work);
         }
     }
 }

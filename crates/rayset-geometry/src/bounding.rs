@@ -172,11 +172,13 @@ mod tests {
     }
 
     #[test]
-    fn tilted_cylinder_is_enclosed() {
+    fn tilted_cylinders_are_enclosed() {
         // The centre lies on the axis up to rounding, and what is off it is noise.
-        let (base, apex) = (dvec3(0.3, 0.7, -0.2), dvec3(2.1, -1.3, 3.7));
-        let minimal = (0.25 * base.distance_squared(apex) + 0.25).sqrt();
-        assert_near_minimal(&[Cone::new(base, 0.5, apex, 0.5).unwrap().into()], minimal);
+        for i in 1..100 {
+            let apex = dvec3(0.1 * f64::from(i), 3.7 - 0.07 * f64::from(i * i % 41), f64::from(i % 7) - 0.3);
+            let minimal = (0.25 * apex.length_squared() + 0.01).sqrt();
+            assert_near_minimal(&[Cone::new(DVec3::ZERO, 0.1, apex, 0.1).unwrap().into()], minimal);
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 
+use crate::probe::map3;
 use crate::{
     Cone, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone, polygon, sphere, triangle,
 };
@@ -222,7 +223,6 @@ impl PrimitiveColumns {
         mut visit: impl FnMut(ColumnHit) -> bool,
     ) {
         let departure = departure.filter(|d| d.kind == run.kind && run.range.contains(&d.index));
-        let (start, end) = (run.range.start as usize, run.range.end as usize);
         if run.kind == PrimitiveKind::Polygon {
             // The lanes run over a polygon's edges: one polygon at a time.
             for i in run.range.clone() {
@@ -238,42 +238,90 @@ impl PrimitiveColumns {
             }
             return;
         }
-        for i in (start..end).step_by(S::F64::LANES) {
-            let allowed = Allowed::of(probe.simd, run.sides, departure, i);
-            let (hits, t) = match run.kind {
-                PrimitiveKind::Sphere => {
-                    let load = |k: usize| probe.simd.load_f64(&self.spheres[k][i..]);
-                    sphere::intersect(probe, [load(0), load(1), load(2)], load(3), allowed)
-                }
-                PrimitiveKind::Triangle => {
-                    let axes = probe.shear.axes;
-                    let vertex =
-                        |v: usize| axes.map(|k| probe.simd.load_f64(&self.triangles[3 * v + k][i..]));
-                    triangle::intersect(probe, [vertex(0), vertex(1), vertex(2)], allowed)
-                }
-                _ => {
-                    let parameters = self.cones.each_ref().map(|c| probe.simd.load_f64(&c[i..]));
-                    cone::intersect(probe, parameters, allowed)
-                }
-            };
-            let real = (1_u32 << (end - i).min(S::F64::LANES)) - 1;
-            let mut bits = hits.bits() & real;
-            while bits != 0 {
-                let lane = bits.trailing_zeros();
-                bits &= bits - 1;
-                let hit = ColumnHit { t: t.lane(lane as usize), index: index_of(i) + lane };
-                if !visit(hit) {
-                    return;
-                }
+        // The kind is told apart outside of the loops, and each loop has its kernel inlined.
+        match run.kind {
+            PrimitiveKind::Sphere => each_lane(probe, run, departure, visit, &SphereTest(&self.spheres)),
+            PrimitiveKind::Triangle => {
+                let vertex = |v: usize| map3(probe.shear.axes, |k| self.triangles[3 * v + k].as_slice());
+                each_lane(probe, run, departure, visit, &TriangleTest([vertex(0), vertex(1), vertex(2)]));
             }
+            PrimitiveKind::Cone => each_lane(probe, run, departure, visit, &ConeTest(&self.cones)),
+            PrimitiveKind::Polygon => unreachable!("polygons are tested one at a time"),
         }
     }
 
     #[inline(always)]
     fn intersect_polygon<S: Simd>(&self, probe: &Probe<S>, i: usize) -> Option<(Side, f64)> {
         let (start, next) = (self.polygon_starts[i] as usize, self.polygon_starts[i + 1] as usize);
-        let load = |i: usize| self.polygon_vertices.each_ref().map(|c| probe.simd.load_f64(&c[start + i..]));
+        let [x, y, z] = &self.polygon_vertices;
+        let load = |i: usize| map3([x, y, z], |column| probe.simd.load_f64(&column[start + i..]));
         polygon::intersect(probe, load, next - start - 1)
+    }
+}
+
+/// The kernel of a kind, reading its columns. A trait and not a closure, since it must be inlined always.
+trait LaneTest<S: Simd> {
+    /// Tests the primitives `i`, `i + 1`, ... as many as there are lanes.
+    fn test(&self, probe: &Probe<S>, i: usize, allowed: Allowed<S>) -> (<S::F64 as Lanes>::Mask, S::F64);
+}
+
+struct SphereTest<'a>(&'a [Vec<f64>; 4]);
+
+impl<S: Simd> LaneTest<S> for SphereTest<'_> {
+    #[inline(always)]
+    fn test(&self, probe: &Probe<S>, i: usize, allowed: Allowed<S>) -> (<S::F64 as Lanes>::Mask, S::F64) {
+        let ([x, y, z, radius], simd) = (self.0, probe.simd);
+        let center = [simd.load_f64(&x[i..]), simd.load_f64(&y[i..]), simd.load_f64(&z[i..])];
+        sphere::intersect(probe, center, simd.load_f64(&radius[i..]), allowed)
+    }
+}
+
+/// The three vertices, each with its axes in the order of the probe's shear.
+struct TriangleTest<'a>([[&'a [f64]; 3]; 3]);
+
+impl<S: Simd> LaneTest<S> for TriangleTest<'_> {
+    #[inline(always)]
+    fn test(&self, probe: &Probe<S>, i: usize, allowed: Allowed<S>) -> (<S::F64 as Lanes>::Mask, S::F64) {
+        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = self.0;
+        let simd = probe.simd;
+        let a = [simd.load_f64(&ax[i..]), simd.load_f64(&ay[i..]), simd.load_f64(&az[i..])];
+        let b = [simd.load_f64(&bx[i..]), simd.load_f64(&by[i..]), simd.load_f64(&bz[i..])];
+        let c = [simd.load_f64(&cx[i..]), simd.load_f64(&cy[i..]), simd.load_f64(&cz[i..])];
+        triangle::intersect(probe, [a, b, c], allowed)
+    }
+}
+
+struct ConeTest<'a>(&'a [Vec<f64>; cone::PARAMETERS]);
+
+impl<S: Simd> LaneTest<S> for ConeTest<'_> {
+    #[inline(always)]
+    fn test(&self, probe: &Probe<S>, i: usize, allowed: Allowed<S>) -> (<S::F64 as Lanes>::Mask, S::F64) {
+        cone::intersect(probe, self.0.each_ref().map(|column| probe.simd.load_f64(&column[i..])), allowed)
+    }
+}
+
+/// Runs a kernel over the lanes of a run and visits its hits in increasing index order.
+#[inline(always)]
+fn each_lane<S: Simd>(
+    probe: &Probe<S>,
+    run: &ColumnRun,
+    departure: Option<Departure>,
+    mut visit: impl FnMut(ColumnHit) -> bool,
+    kernel: &impl LaneTest<S>,
+) {
+    let (start, end) = (run.range.start as usize, run.range.end as usize);
+    for i in (start..end).step_by(S::F64::LANES) {
+        let allowed = Allowed::of(probe.simd, run.sides, departure, i);
+        let (hits, t) = kernel.test(probe, i, allowed);
+        let real = (1_u32 << (end - i).min(S::F64::LANES)) - 1;
+        let mut bits = hits.bits() & real;
+        while bits != 0 {
+            let lane = bits.trailing_zeros();
+            bits &= bits - 1;
+            if !visit(ColumnHit { t: t.lane(lane as usize), index: index_of(i) + lane }) {
+                return;
+            }
+        }
     }
 }
 

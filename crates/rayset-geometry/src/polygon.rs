@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 
 use crate::crossing::{Crossing, Crossings};
+use crate::probe::map3;
 use crate::{BoundingSphere, Probe, Side, compare_products, enclosing_sphere};
 
 /// A polygon whose vertices lie in one plane, in world space; its front is where they go round counterclockwise.
@@ -75,7 +76,7 @@ pub(crate) fn intersect<S: Simd>(
     let simd = probe.simd;
     let zero = simd.splat_f64(0.0);
     let axes = probe.shear.axes;
-    let [sx, sy, sz] = probe.shear.factors.map(|factor| simd.splat_f64(factor));
+    let [sx, sy, sz] = map3(probe.shear.factors, |factor| simd.splat_f64(factor));
     let origin = [probe.lanes.origin[axes[0]], probe.lanes.origin[axes[1]], probe.lanes.origin[axes[2]]];
     let shear = |i: usize| {
         let vertex = load(i);

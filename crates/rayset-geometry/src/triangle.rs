@@ -5,6 +5,7 @@ use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 
 use crate::columns::Allowed;
 use crate::crossing::Crossings;
+use crate::probe::map3;
 use crate::{BoundingSphere, Probe, compare_products, enclosing_sphere};
 
 /// A triangle, in world space; its front is where its vertices go round counterclockwise.
@@ -97,14 +98,14 @@ pub(crate) fn intersect<S: Simd>(
     let simd = probe.simd;
     let zero = simd.splat_f64(0.0);
     let axes = probe.shear.axes;
-    let [sx, sy, sz] = probe.shear.factors.map(|factor| simd.splat_f64(factor));
+    let [sx, sy, sz] = map3(probe.shear.factors, |factor| simd.splat_f64(factor));
     let origin = [probe.lanes.origin[axes[0]], probe.lanes.origin[axes[1]], probe.lanes.origin[axes[2]]];
-    let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = vertices.map(|vertex| {
+    let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = map3(vertices, |vertex| {
         let z = vertex[2] - origin[2];
         [(vertex[0] - origin[0]) - sx * z, (vertex[1] - origin[1]) - sy * z, z]
     });
     let products = [(cx * by, cy * bx), (ax * cy, ay * cx), (bx * ay, by * ax)];
-    let [u, v, w] = products.map(|(left, right)| left - right);
+    let [u, v, w] = map3(products, |(left, right)| left - right);
     let mut negative = u.lt(zero) | v.lt(zero) | w.lt(zero);
     let mut positive = u.gt(zero) | v.gt(zero) | w.gt(zero);
     let doubtful = (u.eq(zero) | v.eq(zero) | w.eq(zero)) & !(negative & positive);
@@ -135,7 +136,7 @@ pub(crate) fn intersect<S: Simd>(
     let (a_depth, b_depth, c_depth) = (sz * az, sz * bz, sz * cz);
     let determinant = u + v + w;
     let t = (u * a_depth + v * b_depth + w * c_depth) / determinant;
-    let [u_size, v_size, w_size] = products.map(|(left, right)| left.abs().max(right.abs()));
+    let [u_size, v_size, w_size] = map3(products, |(left, right)| left.abs().max(right.abs()));
     let depth_range = az.max(bz).max(cz) - az.min(bz).min(cz);
     let depth_size = az.abs().max(bz.abs()).max(cz.abs());
     let steady = ((u_size + v_size + w_size) * depth_range)

@@ -305,7 +305,10 @@ proptest! {
     fn enclosing_sphere_holds_all_primitives(members in group(1..=8)) {
         let sphere = enclosing_sphere(&members);
         for member in &members {
-            let farthest = farthest_distance(member, sphere.center);
+            let is_cone = member.kind() == PrimitiveKind::Cone;
+            // Cones are held with the thickness of their hits.
+            let thickness = if is_cone { CONE_MARGIN * member.bounding_sphere().radius } else { 0.0 };
+            let farthest = farthest_distance(member, sphere.center) + thickness;
             prop_assert!(farthest <= sphere.radius, "{:?} reaches {:e} beyond", member, farthest - sphere.radius);
         }
     }
@@ -427,6 +430,65 @@ fn brush_past(touching: impl Fn(DVec3, DVec3) -> Primitive) -> [usize; 3] {
         }
     }
     counts
+}
+
+#[test]
+fn cone_thickness_is_needed_and_enough() {
+    let mut random = ChaCha8Rng::seed_from_u64(1985);
+    let mut number = || (random.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0;
+    let mut vector = || DVec3::new(number(), number(), number());
+    let axes: Vec<_> = (0..101).map(|_| unit(vector()).expect("no random vector is zero")).collect();
+    let pointed = |&axis: &DVec3| Cone::new(DVec3::ZERO, 0.1, axis, 0.0).expect("it has a height").into();
+    let cones: Vec<Primitive> = axes.iter().map(pointed).collect();
+    let (mut outside, mut hits) = (0, 0);
+    for i in 0..200_000_u32 {
+        // Past a pointed apex, at the distances where the roots of rounding errors lie.
+        let axis = axes[i as usize % axes.len()];
+        let cone = &cones[i as usize % axes.len()];
+        let direction = unit(vector().cross(axis)).expect("no random vectors are parallel");
+        let closeness = 1e-7 / f64::from(1 << (i % 8));
+        let ray = Ray::new(axis + closeness * vector() - direction, direction);
+        let Some(t) = cone.intersect(&ray, Span::FORWARD, Sides::Both, None) else { continue };
+        // A sphere that the apex alone touches, from the side.
+        let center = axis - 10.0 * unit(0.3 * axis + axis.any_orthonormal_vector()).expect("not zero");
+        let beyond = ray.at(t).distance(center) - farthest_distance(cone, center);
+        let margin = PARTITION_MARGIN * 4.0;
+        hits += 1;
+        outside += u32::from(beyond > margin);
+        let allowed = CONE_MARGIN * cone.bounding_sphere().radius + margin;
+        assert!(beyond <= allowed, "{beyond:e} beyond the apex, {allowed:e} allowed");
+    }
+    assert!(hits > 1000, "only {hits} hits");
+    assert!(outside > 0, "all {hits} hits lie in a sphere round the cone without its thickness");
+}
+
+#[test]
+fn flat_cone_is_hit_inside_its_bounds() {
+    let mut random = ChaCha8Rng::seed_from_u64(1985);
+    let mut number = || (random.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0;
+    let mut vector = || DVec3::new(number(), number(), number());
+    let axes: Vec<_> = (0..101).map(|_| unit(vector()).expect("no random vector is zero")).collect();
+    let mut hits = 0;
+    for (i, &axis) in axes.iter().enumerate() {
+        let height = [1e-6, 1e-8, 1e-10, 1e-12, 1e-14][i % 5];
+        let apex_radius = if i % 2 == 0 { 0.0 } else { 0.5 };
+        let cone = Cone::new(DVec3::ZERO, 1.0, height * axis, apex_radius).expect("it has a height");
+        for _ in 0..2000 {
+            // In the plane of its base, or tilted by the slope of its surface.
+            let across = unit(vector().cross(axis)).expect("no random vectors are parallel");
+            let direction = unit(across + height * vector()).expect("not zero");
+            let beside = vector().cross(axis);
+            let ray = Ray::new(beside - 2.0 * direction, direction);
+            let Some(t) = Primitive::from(cone).intersect(&ray, Span::FORWARD, Sides::Both, None) else {
+                continue;
+            };
+            hits += 1;
+            let bounds = cone.bounding_sphere();
+            let outside = ray.at(t).distance(bounds.center) - bounds.radius;
+            assert!(outside <= PARTITION_MARGIN * 4.0, "height {height:e}: {outside:e} outside");
+        }
+    }
+    assert!(hits > 1000, "only {hits} hits");
 }
 
 #[test]
