@@ -64,7 +64,8 @@ impl Polygon {
 /// a crossing is taken from its exact products where rounding leaves it in doubt. The side is the sense in which
 /// the edges wind round the ray, which holds even where the ray is so nearly in the plane that the rounded normal
 /// would not know. `t` lies on the line between the nearest crossing on either side, so the hit lies on the
-/// polygon: no ray, however nearly in the plane, hits outside its bounds.
+/// polygon, or at least in its convex hull if it is concave and seen edge-on: no ray, however nearly in the plane,
+/// hits outside its bounds.
 ///
 /// Source: the crossing number of Shimrat 1962, in the space of Woop et al. 2013.
 #[inline(always)]

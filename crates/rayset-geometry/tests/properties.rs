@@ -1,83 +1,28 @@
 //! What holds for all primitives and rays: hits lie on surfaces and inside bounds, and lanes change no bit.
 
 mod generators;
+mod measures;
+mod surfaces;
 
-use generators::{
-    Aim, aim, any_primitive, departure, features, primitive, scale, sides, unit_vector, vector,
-};
+use generators::{Aim, aim, any_primitive, departure, primitive, scale, sides, unit_vector, vector};
+use measures::{CONE_MARGIN, coordinates, farthest_distance};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
-    BoundingPlane, BoundingSphere, ColumnHit, ColumnRun, Cone, Cylinder, Departure, PARTITION_MARGIN,
-    Polygon, Primitive, PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
-    VolumeSet, compare_products, enclosing_sphere, unit,
+    BoundingPlane, BoundingSphere, ColumnHit, ColumnRun, Cylinder, Departure, PARTITION_MARGIN, Primitive,
+    PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle, VolumeSet,
+    compare_products, enclosing_sphere, unit,
 };
 use rayset_simd::{Backend, Kernel, Simd};
+use surfaces::{distance_to_surface, is_convex, nearest_on_segment};
 
 fn config(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, rng_seed: RngSeed::Fixed(1985), ..ProptestConfig::default() }
 }
 
-/// The coordinates that rounding is relative to: the origin's largest and the primitives' largest, in world units.
-fn coordinates(ray: &Ray, primitives: &[Primitive]) -> f64 {
-    ray.origin().abs().max_element() + primitives.iter().map(Primitive::extent).fold(0.0, f64::max)
-}
-
-fn nearest_on_segment(point: DVec3, [a, b]: [DVec3; 2]) -> DVec3 {
-    let along = (point - a).dot(b - a) / (b - a).length_squared();
-    let along = if along.is_finite() { along.clamp(0.0, 1.0) } else { 0.0 };
-    a + along * (b - a)
-}
-
-/// The distance from a flat surface with these corners, tight to a few roundings of the coordinates.
-///
-/// The height over the plane is taken from the nearest point of the outline, since the normal of a sliver is too
-/// inaccurate for a longer lever.
-fn distance_to_flat(point: DVec3, corners: &[DVec3], normal: DVec3) -> f64 {
-    let edge = |i: usize| nearest_on_segment(point, [corners[i], corners[(i + 1) % corners.len()]]);
-    let outline = (0..corners.len()).map(edge).min_by(|p, q| p.distance(point).total_cmp(&q.distance(point)));
-    let from_outline = point - outline.expect("there are corners");
-    if winds_around(corners, normal, point) { from_outline.dot(normal).abs() } else { from_outline.length() }
-}
-
-/// How far a point is from a primitive's surface, in world units.
-fn distance_to_surface(primitive: &Primitive, point: DVec3) -> f64 {
-    match primitive {
-        Primitive::Sphere(s) => (point.distance(s.center()) - s.radius()).abs(),
-        Primitive::Triangle(t) => distance_to_flat(point, t.vertices(), t.normal()),
-        Primitive::Polygon(p) => distance_to_flat(point, p.vertices(), p.normal()),
-        Primitive::Cone(c) => {
-            let from_base = point - c.base();
-            let along = from_base.dot(c.axis());
-            let lateral = (from_base - along * c.axis()).length();
-            let height = c.base().distance(c.apex());
-            let seen = DVec3::new(lateral, along, 0.0);
-            let generator = [DVec3::new(c.base_radius(), 0.0, 0.0), DVec3::new(c.apex_radius(), height, 0.0)];
-            seen.distance(nearest_on_segment(seen, generator))
-        }
-    }
-}
-
-/// Whether a polygon winds around a point, seen along its normal.
-fn winds_around(vertices: &[DVec3], normal: DVec3, point: DVec3) -> bool {
-    let x = normal.any_orthonormal_vector();
-    let y = normal.cross(x);
-    let seen = |v: DVec3| ((v - point).dot(x), (v - point).dot(y));
-    let crossings = (0..vertices.len()).filter(|&i| {
-        let ((px, py), (qx, qy)) = (seen(vertices[i]), seen(vertices[(i + 1) % vertices.len()]));
-        (py > 0.0) != (qy > 0.0) && (px * qy - py * qx > 0.0) == (qy > py)
-    });
-    crossings.count() % 2 == 1
-}
-
 /// How far a computed hit may lie off its surface, relative to the coordinates: half the partition's margin.
 const SURFACE_MARGIN: f64 = PARTITION_MARGIN / 2.0;
-
-/// How far a hit may lie off a cone, relative to the cone's size: 2^-22, and farther by the root of two at its rim.
-const CONE_MARGIN: f64 = 1.5 / (1_u64 << 22) as f64;
 
 /// The nearest and the first hit of a run, on any backend.
 struct HitsOfRun<'a> {
@@ -132,13 +77,12 @@ proptest! {
         let bounds = primitive.bounding_sphere();
         let outside = point.distance(bounds.center) - bounds.radius;
         prop_assert!(outside <= PARTITION_MARGIN * size, "{:?}: {} outside, {:e}", primitive.kind(), outside, outside / size);
-        let allowed = SURFACE_MARGIN * size
-            + if primitive.kind() == PrimitiveKind::Cone { CONE_MARGIN * bounds.radius } else { 0.0 };
-        // A concave polygon seen edge-on is only known to be hit inside its convex hull.
-        let facing = primitive.normal_at(point).dot(ray.direction()).abs() * bounds.radius;
-        if primitive.kind() == PrimitiveKind::Polygon && facing <= 4.0 * PARTITION_MARGIN * size {
-            return Ok(());
-        }
+        let allowed = match &primitive {
+            Primitive::Cone(_) => SURFACE_MARGIN * size + CONE_MARGIN * bounds.radius,
+            // Seen edge-on, a concave polygon is only known to be hit inside its convex hull.
+            Primitive::Polygon(p) if !is_convex(p) => SURFACE_MARGIN * size / p.normal().dot(ray.direction()).abs(),
+            _ => SURFACE_MARGIN * size,
+        };
         let off = distance_to_surface(&primitive, point);
         prop_assert!(off <= allowed, "{:?}: {:e} off, allowed {:e}", primitive.kind(), off, allowed);
     }
@@ -353,22 +297,6 @@ fn in_zone() -> impl Strategy<Value = (f64, f64, f64)> {
     (along, lateral, -1.0..1.0)
 }
 
-/// The distance of a primitive's farthest point, by formulas of its own.
-fn farthest_distance(primitive: &Primitive, center: DVec3) -> f64 {
-    match primitive {
-        Primitive::Sphere(sphere) => sphere.center().distance(center) + sphere.radius(),
-        Primitive::Cone(cone) => {
-            let rim = |circle: DVec3, radius: f64| {
-                let along = (circle - center).dot(cone.axis());
-                let lateral = (circle - center).cross(cone.axis()).length() + radius;
-                (along * along + lateral * lateral).sqrt()
-            };
-            rim(cone.base(), cone.base_radius()).max(rim(cone.apex(), cone.apex_radius()))
-        }
-        flat => features(flat).iter().map(|point| point.distance(center)).fold(0.0, f64::max),
-    }
-}
-
 /// The radius of the smallest sphere round at most six points: the least circumsphere of two, three or four of them
 /// that holds the others.
 fn smallest_radius(points: &[DVec3]) -> f64 {
@@ -404,116 +332,4 @@ fn circumcenter(points: &[DVec3]) -> Option<DVec3> {
         _ => return None,
     };
     offset.is_finite().then_some(a + offset)
-}
-
-/// Primitives that touch a volume from inside, and rays from 1e6 units away that brush past the place.
-///
-/// Returns how many rays hit the primitive, and how many of those miss the volume at no slack and at the margin.
-fn brush_past(touching: impl Fn(DVec3, DVec3) -> Primitive) -> [usize; 3] {
-    let mut random = ChaCha8Rng::seed_from_u64(1985);
-    let mut number = || (random.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0;
-    let mut vector = || unit(DVec3::new(number(), number(), number())).expect("no random vector is zero");
-    let mut counts = [0; 3];
-    for _ in 0..40_000 {
-        let (center, normal) = (vector(), vector());
-        let contact = center + normal;
-        let direction = unit(vector().cross(normal)).expect("no random vectors are parallel");
-        let primitive = touching(center, contact);
-        let ray = Ray::new(contact - 1e-10 * vector() - 1e6 * direction, direction);
-        let volume = BoundingSphere { center, radius: farthest_distance(&primitive, center) };
-        if primitive.intersect(&ray, Span::FORWARD, Sides::Both, None).is_some() {
-            let slack = PARTITION_MARGIN * coordinates(&ray, &[primitive]);
-            let is_lost = |slack: f64| VolumeSet::of(&ray, &volume, slack) != VolumeSet::Intersected;
-            counts[0] += 1;
-            counts[1] += usize::from(is_lost(0.0));
-            counts[2] += usize::from(is_lost(slack));
-        }
-    }
-    counts
-}
-
-#[test]
-fn cone_thickness_is_needed_and_enough() {
-    let mut random = ChaCha8Rng::seed_from_u64(1985);
-    let mut number = || (random.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0;
-    let mut vector = || DVec3::new(number(), number(), number());
-    let axes: Vec<_> = (0..101).map(|_| unit(vector()).expect("no random vector is zero")).collect();
-    let pointed = |&axis: &DVec3| Cone::new(DVec3::ZERO, 0.1, axis, 0.0).expect("it has a height").into();
-    let cones: Vec<Primitive> = axes.iter().map(pointed).collect();
-    let (mut outside, mut hits) = (0, 0);
-    for i in 0..200_000_u32 {
-        // Past a pointed apex, at the distances where the roots of rounding errors lie.
-        let axis = axes[i as usize % axes.len()];
-        let cone = &cones[i as usize % axes.len()];
-        let direction = unit(vector().cross(axis)).expect("no random vectors are parallel");
-        let closeness = 1e-7 / f64::from(1 << (i % 8));
-        let ray = Ray::new(axis + closeness * vector() - direction, direction);
-        let Some(t) = cone.intersect(&ray, Span::FORWARD, Sides::Both, None) else { continue };
-        // A sphere that the apex alone touches, from the side.
-        let center = axis - 10.0 * unit(0.3 * axis + axis.any_orthonormal_vector()).expect("not zero");
-        let beyond = ray.at(t).distance(center) - farthest_distance(cone, center);
-        let margin = PARTITION_MARGIN * 4.0;
-        hits += 1;
-        outside += u32::from(beyond > margin);
-        let allowed = CONE_MARGIN * cone.bounding_sphere().radius + margin;
-        assert!(beyond <= allowed, "{beyond:e} beyond the apex, {allowed:e} allowed");
-    }
-    assert!(hits > 1000, "only {hits} hits");
-    assert!(outside > 0, "all {hits} hits lie in a sphere round the cone without its thickness");
-}
-
-#[test]
-fn flat_cone_is_hit_inside_its_bounds() {
-    let mut random = ChaCha8Rng::seed_from_u64(1985);
-    let mut number = || (random.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0;
-    let mut vector = || DVec3::new(number(), number(), number());
-    let axes: Vec<_> = (0..101).map(|_| unit(vector()).expect("no random vector is zero")).collect();
-    let mut hits = 0;
-    for (i, &axis) in axes.iter().enumerate() {
-        let height = [1e-6, 1e-8, 1e-10, 1e-12, 1e-14][i % 5];
-        let apex_radius = if i % 2 == 0 { 0.0 } else { 0.5 };
-        let cone = Cone::new(DVec3::ZERO, 1.0, height * axis, apex_radius).expect("it has a height");
-        for _ in 0..2000 {
-            // In the plane of its base, or tilted by the slope of its surface.
-            let across = unit(vector().cross(axis)).expect("no random vectors are parallel");
-            let direction = unit(across + height * vector()).expect("not zero");
-            let beside = vector().cross(axis);
-            let ray = Ray::new(beside - 2.0 * direction, direction);
-            let Some(t) = Primitive::from(cone).intersect(&ray, Span::FORWARD, Sides::Both, None) else {
-                continue;
-            };
-            hits += 1;
-            let bounds = cone.bounding_sphere();
-            let outside = ray.at(t).distance(bounds.center) - bounds.radius;
-            assert!(outside <= PARTITION_MARGIN * 4.0, "height {height:e}: {outside:e} outside");
-        }
-    }
-    assert!(hits > 1000, "only {hits} hits");
-}
-
-#[test]
-fn partition_margin_is_needed_and_enough() {
-    let sphere = |center: DVec3, contact: DVec3| Sphere::new(center.lerp(contact, 0.5), 0.5).into();
-    let base = |center: DVec3, contact: DVec3| {
-        let across = (contact - center).any_orthonormal_vector();
-        [center + 0.3 * across, center - 0.4 * across]
-    };
-    let triangle = |center: DVec3, contact: DVec3| {
-        let [a, b] = base(center, contact);
-        Triangle::new(a, b, contact).into()
-    };
-    let polygon = |center: DVec3, contact: DVec3| {
-        let [a, b] = base(center, contact);
-        Polygon::new(vec![a, center - 0.1 * (contact - center), b, contact]).expect("it has an area").into()
-    };
-    let cone = |center: DVec3, contact: DVec3| {
-        let [base, _] = base(center, contact);
-        Cone::new(base, 0.3, contact, 0.0).expect("it has a height").into()
-    };
-    let counts = [brush_past(sphere), brush_past(triangle), brush_past(polygon), brush_past(cone)];
-    for (kind, [hits, lost_without, lost]) in ["sphere", "triangle", "polygon", "cone"].iter().zip(counts) {
-        assert!(hits > 100, "only {hits} rays hit the {kind}");
-        assert!(lost_without > 0, "no hit of a {kind} needs the margin");
-        assert_eq!(lost, 0, "of {hits} hits of a {kind} the partition loses {lost}");
-    }
 }

@@ -16,7 +16,7 @@ pub enum SphereSize {
     Coverage(f64),
 }
 
-/// Spheres at random positions in the cube from (-1, -1, -1) to (1, 1, 1), seen from (0, 0, 4).
+/// Spheres at random positions in the cube from (-1, -1, -1) to (1, 1, 1), seen from (0, 0, 6) at 28 degrees.
 ///
 /// The scene depends on these values alone: the generator is `ChaCha` with 8 rounds, keyed with the seed, and its
 /// words are turned into numbers here, so no release of a random number crate can change it.
@@ -66,7 +66,7 @@ impl RandomSpheres {
     /// [`SceneError::Invalid`] if a size or coefficient is negative, out of range or not finite.
     pub fn scene(&self) -> Result<Scene, SceneError> {
         let mut builder = SceneBuilder::new();
-        builder.camera(Camera::new(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, DVec3::Y, 38.0)?);
+        builder.camera(Camera::new(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO, DVec3::Y, 28.0)?);
         builder.background(Color::new(0.10, 0.15, 0.25));
         builder.ambient(Color::splat(0.15));
         builder.add_light(Light::point(DVec3::new(-4.0, 6.0, 6.0), Color::splat(0.7)));

@@ -48,7 +48,10 @@ fn check(name: &str, scene: &Scene) {
         let frame = render(strategy.as_ref(), &options()).unwrap();
         let image = through_a_file(&image_of(&frame));
         insta::assert_snapshot!(format!("{name}-{kind}-image"), image.summary(8, 6));
-        insta::assert_snapshot!(format!("{name}-{kind}-counts"), format!("{}\n{}", frame.counts, frame.stats));
+        insta::assert_snapshot!(
+            format!("{name}-{kind}-counts"),
+            format!("{}\n{}", frame.counts, frame.stats)
+        );
         if strategy.is_exact() {
             let comparison = compare(&golden(name), &image, 0.0).unwrap();
             assert!(comparison.is_identical(), "{name} by {kind}: {comparison}");

@@ -180,7 +180,7 @@ impl Aim {
 }
 
 /// Points of the surface that span it.
-pub(crate) fn features(primitive: &Primitive) -> Vec<DVec3> {
+fn features(primitive: &Primitive) -> Vec<DVec3> {
     match primitive {
         Primitive::Sphere(s) => DVec3::AXES
             .iter()
