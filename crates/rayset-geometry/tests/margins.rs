@@ -19,7 +19,7 @@ fn brush_past(touching: impl Fn(DVec3, DVec3) -> Primitive) -> [usize; 3] {
     let mut number = || (random.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0;
     let mut vector = || unit(DVec3::new(number(), number(), number())).expect("no random vector is zero");
     let mut counts = [0; 3];
-    for _ in 0..40_000 {
+    for _ in 0..10_000 {
         let (center, normal) = (vector(), vector());
         let contact = center + normal;
         let direction = unit(vector().cross(normal)).expect("no random vectors are parallel");
