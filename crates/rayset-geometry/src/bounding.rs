@@ -30,6 +30,11 @@ pub fn enclosing_sphere(primitives: &[Primitive]) -> BoundingSphere {
     match primitives {
         [] => return BoundingSphere { center: DVec3::ZERO, radius: 0.0 },
         [Primitive::Sphere(sphere)] => return sphere.bounding_sphere(),
+        [Primitive::Triangle(triangle)] => {
+            if let Some(center) = center_of_triangle(triangle.vertices()) {
+                return around(center, farthest_of_all(primitives, center).distance(center));
+            }
+        }
         _ => {}
     }
     let first = farthest_of_all(primitives, any_point(&primitives[0]));
@@ -50,8 +55,33 @@ pub fn enclosing_sphere(primitives: &[Primitive]) -> BoundingSphere {
         }
         support.push(point);
     }
-    let scale = best.0.abs().max_element();
-    BoundingSphere { center: best.0, radius: best.1 * (1.0 + RADIUS_MARGIN) + scale * RADIUS_MARGIN }
+    around(best.0, best.1)
+}
+
+/// The sphere that holds everything within a computed distance of its centre.
+fn around(center: DVec3, radius: f64) -> BoundingSphere {
+    let scale = center.abs().max_element();
+    BoundingSphere { center, radius: radius * (1.0 + RADIUS_MARGIN) + scale * RADIUS_MARGIN }
+}
+
+/// The centre of the smallest sphere around a triangle: the middle of its longest side unless it is acute, then the
+/// centre of its circumcircle; `None` where that is too badly conditioned to be near.
+fn center_of_triangle(&[a, b, c]: &[DVec3; 3]) -> Option<DVec3> {
+    // Turned so that the longest side is from p to q.
+    let turns = [(a, b, c), (b, c, a), (c, a, b)];
+    let length = |turn: &(DVec3, DVec3, DVec3)| turn.0.distance_squared(turn.1);
+    let (p, q, apex) = turns.into_iter().max_by(|x, y| length(x).total_cmp(&length(y)))?;
+    let (u, v) = (p - apex, q - apex);
+    if u.dot(v) <= 0.0 {
+        return Some(0.5 * p + 0.5 * q);
+    }
+    let normal = u.cross(v);
+    let center = apex
+        + (u.length_squared() * v.cross(normal) + v.length_squared() * normal.cross(u))
+            / (2.0 * normal.length_squared());
+    // The radius of an acute triangle is at most its longest side over the root of three.
+    let radius = center.distance(p).max(center.distance(q)).max(center.distance(apex));
+    (radius * radius * 3.0 <= p.distance_squared(q) * 1.01).then_some(center)
 }
 
 /// Moves a centre until no point is much farther than the others.

@@ -5,9 +5,11 @@ use std::ops::Range;
 use glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 
+use crate::departure::Allowed;
 use crate::probe::map3;
 use crate::{
-    Cone, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone, polygon, sphere, triangle,
+    Cone, Departure, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone, polygon, sphere,
+    triangle,
 };
 
 /// Primitives of all kinds, a structure of arrays for each kind.
@@ -39,17 +41,6 @@ pub struct ColumnRun {
     pub range: Range<u32>,
 }
 
-/// The primitive that a ray leaves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Departure {
-    /// Its kind.
-    pub kind: PrimitiveKind,
-    /// Its index in the columns of that kind.
-    pub index: u32,
-    /// The side into which the ray leaves.
-    pub side: Side,
-}
-
 /// A hit in a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColumnHit {
@@ -57,13 +48,6 @@ pub struct ColumnHit {
     pub t: f64,
     /// The index in the columns of the run's kind.
     pub index: u32,
-}
-
-/// The lanes whose front, or back, may be hit: by visibility, and by where the ray left.
-#[derive(Clone, Copy)]
-pub(crate) struct Allowed<S: Simd> {
-    pub(crate) front: <S::F64 as Lanes>::Mask,
-    pub(crate) back: <S::F64 as Lanes>::Mask,
 }
 
 fn padded<const N: usize>() -> [Vec<f64>; N] {
@@ -322,27 +306,6 @@ fn each_lane<S: Simd>(
                 return;
             }
         }
-    }
-}
-
-impl<S: Simd> Allowed<S> {
-    /// What may be hit in the lanes of primitives `i`, `i + 1`, ...
-    #[inline(always)]
-    pub(crate) fn of(simd: S, sides: Sides, departure: Option<Departure>, i: usize) -> Self {
-        let (all, none) = (simd.mask_f64(u32::MAX), simd.mask_f64(0));
-        let visible = |side: Side| if sides.include(side) { all } else { none };
-        let (front, back) = (visible(Side::Front), visible(Side::Back));
-        if let Some(departure) = departure
-            && let Some(lane) = (departure.index as usize).checked_sub(i)
-            && lane < S::F64::LANES
-        {
-            let left = simd.mask_f64(1 << lane);
-            // A ray that leaves a plane or the outside of a convex surface never meets it again; one that leaves
-            // into the inside of a convex surface meets its back, where it comes out, but its front no more.
-            let inwards = departure.side == Side::Back && departure.kind != PrimitiveKind::Triangle;
-            return Self { front: front & !left, back: if inwards { back } else { back & !left } };
-        }
-        Self { front, back }
     }
 }
 

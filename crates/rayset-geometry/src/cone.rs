@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayset_simd::{Lanes, Simd};
 
-use crate::columns::Allowed;
+use crate::departure::Allowed;
 use crate::{BoundingSphere, Probe, enclosing_sphere};
 
 /// How far off the surface a hit may lie, relative to the radius of the bounding sphere: 2^-22 is the square root of

@@ -3,8 +3,10 @@
 use glam::DVec3;
 use rayset_simd::Scalar;
 
-use crate::columns::Allowed;
-use crate::{BoundingSphere, Cone, Departure, Polygon, Probe, Ray, Side, Sides, Span, Sphere, Triangle};
+use crate::departure::Allowed;
+use crate::{
+    BoundingSphere, Cone, Departure, Polygon, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
+};
 use crate::{cone, polygon, sphere, triangle};
 
 /// A piece of surface: what the paper calls a primitive.
@@ -20,19 +22,6 @@ pub enum Primitive {
     Polygon(Polygon),
     /// A cylinder or truncated cone without caps.
     Cone(Cone),
-}
-
-/// The shape of a primitive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum PrimitiveKind {
-    /// [`Sphere`].
-    Sphere,
-    /// [`Triangle`].
-    Triangle,
-    /// [`Polygon`].
-    Polygon,
-    /// [`Cone`].
-    Cone,
 }
 
 impl Primitive {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayset_simd::{Lanes, Simd};
 
-use crate::columns::Allowed;
+use crate::departure::Allowed;
 use crate::{BoundingSphere, Probe};
 
 /// A sphere, in world space.

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 
-use crate::columns::Allowed;
 use crate::crossing::Crossings;
+use crate::departure::Allowed;
 use crate::probe::map3;
 use crate::{BoundingSphere, Probe, compare_products, enclosing_sphere};
 

@@ -2,7 +2,7 @@
 
 use rayset_geometry::{Departure, PARTITION_MARGIN, Probe, RayLanes};
 use rayset_scene::{Scene, VolumeId};
-use rayset_simd::{Lanes, MAX_LANES, Simd};
+use rayset_simd::{Lanes, Simd};
 
 use crate::{Hit, Originating, Work};
 
@@ -52,18 +52,15 @@ impl Partition {
                 self.intersected.push(volume(i, bits.trailing_zeros()));
                 bits &= bits - 1;
             }
-            if RETAIN_N && classified.not_intersected != 0 {
-                let (mut along, mut lateral_squared) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
-                classified.along.store(&mut along);
-                classified.lateral_squared.store(&mut lateral_squared);
+            if RETAIN_N {
                 let mut bits = classified.not_intersected;
                 while bits != 0 {
                     let lane = bits.trailing_zeros();
                     bits &= bits - 1;
                     self.not_intersected.push(NotIntersected {
                         volume: volume(i, lane),
-                        along: along[lane as usize],
-                        lateral_squared: lateral_squared[lane as usize],
+                        along: classified.along.lane(lane as usize),
+                        lateral_squared: classified.lateral_squared.lane(lane as usize),
                     });
                 }
             }

@@ -1,11 +1,12 @@
 //! Table 1: the paper's experiment, with the paper's figures beside ours.
 
 mod paper;
+mod plan;
 mod plot;
 mod report;
+mod results;
 mod run;
 
 pub use self::paper::{PAPER, PaperRow};
-pub use self::run::{
-    KindRow, ModelReport, OptionsReport, Pictures, Reading, Row, StrategyRow, Table1, Table1Plan,
-};
+pub use self::plan::{Reading, Table1Plan};
+pub use self::results::{KindRow, ModelReport, OptionsReport, Pictures, Row, StrategyRow, Table1};

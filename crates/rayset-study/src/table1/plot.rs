@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::run::{Row, StrategyRow, Table1};
+use super::results::{Row, StrategyRow, Table1};
 use crate::Spread;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;

@@ -6,7 +6,7 @@ use std::path::Path;
 use rayset_image::{Image, to_srgb8, write_exr, write_false_colour_png, write_png_rgb8};
 
 use super::plot;
-use super::run::{ModelReport, Pictures, Row, StrategyRow, Table1};
+use super::results::{ModelReport, Pictures, Row, StrategyRow, Table1};
 use crate::{StudyError, image_of, write_file};
 
 const SPEER: &str = "speer-1985";
