@@ -4,7 +4,7 @@
 
 use std::path::PathBuf;
 
-use rayset::engine::{PlaneSamples, RenderOptions, StrategyKind, render};
+use rayset::engine::{Frame, PlaneSamples, RenderOptions, StrategyKind, render};
 use rayset::image::{Image, to_srgb8, write_exr, write_png_rgb8};
 use rayset::scene::RandomSpheres;
 
@@ -16,8 +16,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let standard = render(StrategyKind::Standard.bind(&scene).as_ref(), &options)?;
     let speer = render(StrategyKind::Speer1985.bind(&scene).as_ref(), &options)?;
     println!("{}", standard.counts);
-    println!("standard\n{}took {:?}\n", standard.stats, standard.times.strategy);
-    println!("speer-1985\n{}took {:?}", speer.stats, speer.times.strategy);
+    let times = |frame: &Frame| (frame.times.strategy, frame.times.trace);
+    println!(
+        "standard\n{}took {:?} (in the strategy over all threads, by the clock)\n",
+        standard.stats,
+        times(&standard)
+    );
+    println!("speer-1985\n{}took {:?}", speer.stats, times(&speer));
     println!("{} pixels differ", speer.differing_pixels(&standard));
 
     let mut image = Image::new(standard.width, standard.height)?;
