@@ -13,6 +13,7 @@ use std::error::Error;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use rayset_engine::Backend;
 
 /// What every task returns.
 type Outcome = Result<(), Box<dyn Error>>;
@@ -41,14 +42,7 @@ enum Task {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let outcome = match arguments.task {
-        Task::ReproTable1(options) => repro_table1::run(&options),
-        Task::Test(options) => test::run(&options),
-        Task::Regress => regress::run(),
-        Task::Bless(options) => bless::run(&options),
-        Task::Tidy => tidy::run(),
-    };
-    match outcome {
+    match run(&arguments.task) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprint!("error: {error}");
@@ -60,5 +54,16 @@ fn main() -> ExitCode {
             eprintln!();
             ExitCode::FAILURE
         }
+    }
+}
+
+fn run(task: &Task) -> Outcome {
+    Backend::from_environment().map_err(|error| format!("RAYSET_SIMD: {error}"))?;
+    match task {
+        Task::ReproTable1(options) => repro_table1::run(options),
+        Task::Test(options) => test::run(options),
+        Task::Regress => regress::run(),
+        Task::Bless(options) => bless::run(options),
+        Task::Tidy => tidy::run(),
     }
 }

@@ -23,6 +23,9 @@ impl Table1 {
     ///
     /// [`StudyError`] if a scene cannot be loaded or the options make no sense.
     pub fn run(plan: &Table1Plan, step: &mut dyn FnMut(&str)) -> Result<Self, StudyError> {
+        // A mesh that cannot be loaded is found out before the minutes are spent.
+        let wants_meshes = plan.mesh_resolutions.iter().any(|&side| side > 0);
+        let meshes = if wants_meshes { mesh_scenes(&plan.fixtures)? } else { Vec::new() };
         let (mut ours, mut pictures) = (Vec::new(), Vec::new());
         for &count in &plan.spheres {
             let scenes =
@@ -31,15 +34,10 @@ impl Table1 {
             ours.push(row(plan, &scenes, &options, plan.repetitions, step)?);
             pictures.push(pictures_of(plan, &scenes[0], &options)?);
         }
-        if plan.mesh_resolutions.iter().any(|&side| side > 0) {
-            for (scene, &side) in mesh_scenes(&plan.fixtures)?.into_iter().zip(&plan.mesh_resolutions) {
-                if side > 0 {
-                    let options = plan.options(side);
-                    let scene = [scene];
-                    ours.push(row(plan, &scene, &options, plan.mesh_repetitions, step)?);
-                    pictures.push(pictures_of(plan, &scene[0], &options)?);
-                }
-            }
+        for (scene, &side) in meshes.into_iter().zip(&plan.mesh_resolutions).filter(|(_, side)| **side > 0) {
+            let (scene, options) = ([scene], plan.options(side));
+            ours.push(row(plan, &scene, &options, plan.mesh_repetitions, step)?);
+            pictures.push(pictures_of(plan, &scene[0], &options)?);
         }
         let model_of = |reading: &Reading| (reading.name.clone(), ModelReport::of(&ours, &reading.name));
         let models: BTreeMap<_, _> = plan.readings.iter().map(model_of).collect();
