@@ -44,7 +44,7 @@ pub(crate) fn run(options: &Options) -> Outcome {
         }
     }
     if wanted(What::Snapshots) {
-        let mut tests = project::cargo(&["test", "--workspace", "--test", "snapshots"]);
+        let mut tests = project::cargo(&["test", "--workspace", "--test", "snapshots", "--test", "summary"]);
         project::run(tests.env("INSTA_UPDATE", "always"))?;
     }
     if wanted(What::Picture) {

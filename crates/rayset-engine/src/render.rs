@@ -226,7 +226,8 @@ fn sweep(strategy: &dyn IntersectionStrategy, options: &RenderOptions, rows: Ran
     let mut scratch = Vec::new();
     let tree_options = TreeOptions { max_depth: options.max_depth, cutoff: options.cutoff };
     let bundle_len = options.bundle_len.unwrap_or_else(|| strategy.preferred_bundle_len());
-    let bundle_len = bundle_len.clamp(1, MAX_BUNDLE_NODES >> (options.max_depth - 1));
+    // A tree of depth d has fewer than 2^d nodes.
+    let bundle_len = bundle_len.clamp(1, MAX_BUNDLE_NODES >> options.max_depth);
     for (i, bundle) in pixels.chunks(bundle_len).enumerate() {
         let bundle_start = u32::try_from(i * bundle_len).expect("fewer than 2^32 pixels");
         let rays = bundle.iter().map(|&(x, y)| {

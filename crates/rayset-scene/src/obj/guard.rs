@@ -42,6 +42,8 @@ pub(super) enum Verdict {
     Drop,
     /// Leave it out, with a warning.
     Warn(String),
+    /// Pass this on instead, with a warning.
+    ReplaceAndWarn(String, String),
 }
 
 /// The rules of a format: judges one line of it.
@@ -102,17 +104,24 @@ impl<'r, R: BufRead, L: Rules> Guard<'r, R, L> {
                 Ok(Verdict::Replace(other)) => self.buffer.extend_from_slice(other.as_bytes()),
                 Ok(Verdict::Drop) => continue,
                 Ok(Verdict::Warn(message)) => {
-                    let warning = Warning { path: self.path.clone(), line: self.line, message };
-                    let warnings = &mut self.report.borrow_mut().warnings;
-                    if warnings.len() < MAX_WARNINGS {
-                        warnings.push(warning);
-                    }
+                    self.warn(message);
                     continue;
+                }
+                Ok(Verdict::ReplaceAndWarn(other, message)) => {
+                    self.warn(message);
+                    self.buffer.extend_from_slice(other.as_bytes());
                 }
                 Err(message) => return Err(self.refuse(message)),
             }
             self.buffer.push(b'\n');
             return Ok(());
+        }
+    }
+
+    fn warn(&self, message: String) {
+        let warnings = &mut self.report.borrow_mut().warnings;
+        if warnings.len() < MAX_WARNINGS {
+            warnings.push(Warning { path: self.path.clone(), line: self.line, message });
         }
     }
 
@@ -191,7 +200,11 @@ impl Rules for ObjRules {
                 match name {
                     "" => Err("`usemtl` needs a name".to_owned()),
                     _ if report.materials.contains(name) => Ok(Verdict::Replace(format!("usemtl {name}"))),
-                    _ => Ok(Verdict::Warn(format!("no material `{name}`: the default is used"))),
+                    // Passed on, since it ends the run of the material before.
+                    _ => Ok(Verdict::ReplaceAndWarn(
+                        format!("usemtl {name}"),
+                        format!("no material `{name}`: the default is used"),
+                    )),
                 }
             }
             "mtllib" => {

@@ -263,6 +263,16 @@ mod tests {
     }
 
     #[test]
+    fn unknown_material_ends_the_run_of_the_one_before() {
+        let folder = Folder::new("unknown");
+        let obj = format!("mtllib a.mtl\n{SQUARE}usemtl red\nf 1 2 3\nusemtl gold\nf 1 3 4\n");
+        let model = folder.load(&obj, "newmtl red\nKd 1 0 0\n").unwrap();
+        let materials: Vec<_> = model.groups.iter().map(|group| group.material).collect();
+        assert_eq!(materials, [Some(0), None]);
+        assert_eq!(model.warnings[0].message, "no material `gold`: the default is used");
+    }
+
+    #[test]
     fn libraries_outside_the_folder_are_not_read() {
         let folder = Folder::new("outside");
         for library in ["/etc/passwd", "../a.mtl", "b/../../a.mtl"] {

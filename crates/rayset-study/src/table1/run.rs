@@ -15,7 +15,7 @@ use super::results::{
 use crate::{NamedScene, Spread, StudyError, mesh_scenes, sphere_scene};
 
 impl Table1 {
-    /// Runs the experiment; `step` is called after each of [`Table1Plan::n_steps`] steps with what comes next.
+    /// Runs the experiment; `step` is called before each of [`Table1Plan::n_steps`] steps with its scene.
     ///
     /// Every frame is one sweep, and therefore on one thread; the strategies take turns.
     ///
