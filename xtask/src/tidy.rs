@@ -13,7 +13,11 @@ use crate::{Outcome, project};
 const LAYERS: &[(&str, &[&str], &[&str])] = &[
     ("rayset-simd", &[], &[]),
     ("rayset-geometry", &["rayset-simd"], &["glam"]),
-    ("rayset-scene", &["rayset-geometry"], &["libm", "rand_chacha", "thiserror", "tobj"]),
+    (
+        "rayset-scene",
+        &["rayset-geometry"],
+        &["earcut", "flate2", "libm", "rand_chacha", "serde", "strsim", "thiserror", "tobj", "toml"],
+    ),
     ("rayset-engine", &["rayset-geometry", "rayset-scene", "rayset-simd"], &["libm", "rayon"]),
     ("rayset-image", &[], &["exr", "image", "libm", "thiserror"]),
     (

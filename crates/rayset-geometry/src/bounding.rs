@@ -26,25 +26,31 @@ const RADIUS_MARGIN: f64 = 1.0 / (1_u64 << 48) as f64;
 ///
 /// Source: Bădoiu, Clarkson 2003, "Smaller core-sets for balls", the farthest point taken over shapes.
 #[must_use]
-pub fn enclosing_sphere(primitives: &[Primitive]) -> BoundingSphere {
-    match primitives {
-        [] => return BoundingSphere { center: DVec3::ZERO, radius: 0.0 },
-        [Primitive::Sphere(sphere)] => return sphere.bounding_sphere(),
-        [Primitive::Triangle(triangle)] => {
+pub fn enclosing_sphere<'a, I>(primitives: I) -> BoundingSphere
+where
+    I: IntoIterator<Item = &'a Primitive, IntoIter: Clone>,
+{
+    let primitives = primitives.into_iter();
+    let mut rest = primitives.clone();
+    match (rest.next(), rest.next()) {
+        (None, _) => return BoundingSphere { center: DVec3::ZERO, radius: 0.0 },
+        (Some(Primitive::Sphere(sphere)), None) => return sphere.bounding_sphere(),
+        (Some(Primitive::Triangle(triangle)), None) => {
             if let Some(center) = center_of_triangle(triangle.vertices()) {
                 return around(center, farthest_of_all(primitives, center).distance(center));
             }
         }
         _ => {}
     }
-    let first = farthest_of_all(primitives, any_point(&primitives[0]));
-    let second = farthest_of_all(primitives, first);
+    let any = primitives.clone().map(any_point).next().unwrap_or(DVec3::ZERO);
+    let first = farthest_of_all(primitives.clone(), any);
+    let second = farthest_of_all(primitives.clone(), first);
     let mut support = vec![first, second];
     let mut center = 0.5 * first + 0.5 * second;
     let mut best = (center, f64::INFINITY);
     for _ in 0..24 {
         center = center_of_points(&support, center);
-        let point = farthest_of_all(primitives, center);
+        let point = farthest_of_all(primitives.clone(), center);
         let radius = point.distance(center);
         if radius < best.1 {
             best = (center, radius);
@@ -106,7 +112,7 @@ fn center_of_points(points: &[DVec3], start: DVec3) -> DVec3 {
 }
 
 /// The point of a set of primitives that is farthest from `center`.
-fn farthest_of_all(primitives: &[Primitive], center: DVec3) -> DVec3 {
+fn farthest_of_all<'a>(primitives: impl Iterator<Item = &'a Primitive>, center: DVec3) -> DVec3 {
     let mut farthest = (f64::NEG_INFINITY, center);
     for primitive in primitives {
         let mut consider = |point: DVec3| {

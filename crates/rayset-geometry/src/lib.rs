@@ -14,6 +14,7 @@
 //! ```
 
 mod bounding;
+mod bounding_box;
 mod columns;
 mod cone;
 mod crossing;
@@ -32,6 +33,7 @@ mod sphere;
 mod triangle;
 
 pub use bounding::{BoundingSphere, enclosing_sphere};
+pub use bounding_box::BoundingBox;
 pub use columns::{ColumnHit, ColumnRun, PrimitiveColumns};
 pub use cone::Cone;
 pub use cylinder::Cylinder;

@@ -1,7 +1,12 @@
 //! Scenes made in code.
 
+use std::cmp::Ordering;
+
 use rayset_geometry::glam::DVec3;
-use rayset_geometry::{ColumnRun, Primitive, PrimitiveColumns, VolumeColumns, enclosing_sphere};
+use rayset_geometry::{
+    BoundingBox, BoundingSphere, ColumnRun, Primitive, PrimitiveColumns, PrimitiveKind, VolumeColumns,
+    enclosing_sphere,
+};
 
 use crate::light::Place;
 use crate::{
@@ -23,6 +28,7 @@ pub struct SceneBuilder {
     lights: Vec<Light>,
     materials: Vec<Material>,
     objects: Vec<(String, MaterialId, Vec<Part>)>,
+    max_volume_primitives: Option<u32>,
 }
 
 impl SceneBuilder {
@@ -74,6 +80,22 @@ impl SceneBuilder {
         ObjectId(id(self.objects.len()))
     }
 
+    /// Splits objects spatially for bounding, so that no volume holds more primitives than this; `None` for one volume
+    /// an object, as in the paper.
+    ///
+    /// Object and primitive ids stay the same. Without it a mesh of one object makes the partition meaningless.
+    pub fn max_volume_primitives(&mut self, max: Option<u32>) -> &mut Self {
+        self.max_volume_primitives = max.map(|max| max.max(1));
+        self
+    }
+
+    /// The smallest box that holds all that was added; empty if nothing was.
+    #[must_use]
+    pub fn bounds(&self) -> BoundingBox {
+        let parts = self.objects.iter().flat_map(|(_, _, parts)| parts);
+        parts.map(|part| part.primitive.bounding_box()).collect()
+    }
+
     /// Checks everything and lays the primitives out for testing.
     ///
     /// # Errors
@@ -106,7 +128,7 @@ impl SceneBuilder {
             extent: 0.0,
         };
         for (name, material, parts) in self.objects {
-            scene.push_object(name, material, parts);
+            scene.push_object(name, material, parts, self.max_volume_primitives);
         }
         Ok(scene)
     }
@@ -171,6 +193,47 @@ impl SceneBuilder {
     }
 }
 
+/// Halves a set of parts, across the longest side of the box round their middles, until no piece exceeds `max`.
+fn for_each_piece(parts: &[Part], piece: &mut [usize], max: usize, visit: &mut impl FnMut(&mut [usize])) {
+    if piece.len() <= max {
+        visit(piece);
+        return;
+    }
+    let middle = |i: usize| parts[i].primitive.bounding_box().center();
+    let size = piece.iter().map(|&i| middle(i)).collect::<BoundingBox>().diagonal();
+    let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b]).then(b.cmp(&a))).unwrap_or(0);
+    piece.sort_by_cached_key(|&i| (OrderedBits(middle(i)[axis]), i));
+    // Pieces of equal size, as few as can be.
+    let n_pieces = piece.len().div_ceil(max);
+    let cut = piece.len() * (n_pieces / 2) / n_pieces;
+    let (low, high) = piece.split_at_mut(cut);
+    for_each_piece(parts, low, max, visit);
+    for_each_piece(parts, high, max, visit);
+}
+
+/// A float in its total order.
+struct OrderedBits(f64);
+
+impl Ord for OrderedBits {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+impl PartialOrd for OrderedBits {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for OrderedBits {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for OrderedBits {}
+
 fn within_range(point: DVec3) -> bool {
     point.abs().max_element() <= MAX_COORDINATE
 }
@@ -181,23 +244,50 @@ fn id(len: usize) -> u32 {
 }
 
 impl Scene {
-    /// Appends an object; columns are sorted by kind and sides, so that every run is uniform.
-    fn push_object(&mut self, name: String, material: MaterialId, parts: Vec<Part>) {
+    /// Appends an object under one volume, or several if it has more primitives than a volume may hold.
+    fn push_object(
+        &mut self,
+        name: String,
+        material: MaterialId,
+        parts: Vec<Part>,
+        max_volume_primitives: Option<u32>,
+    ) {
         let object = ObjectId(id(self.objects.len() + 1));
-        let volume = VolumeId(id(self.volumes.len() + 1));
         let first = id(self.locations.len() + 1);
-        let primitives: Vec<Primitive> = parts.iter().map(|part| part.primitive.clone()).collect();
-        let bounds = enclosing_sphere(&primitives);
-        let mut order: Vec<usize> = (0..parts.len()).collect();
-        order.sort_by_key(|&i| (parts[i].primitive.kind(), parts[i].sides));
+        let nowhere = PrimitiveLocation { kind: PrimitiveKind::Sphere, index: 0, volume: VolumeId(0) };
+        self.locations.resize(self.locations.len() + parts.len(), nowhere);
+        let mut all: Vec<usize> = (0..parts.len()).collect();
+        let max = max_volume_primitives.map_or(usize::MAX, |max| max as usize);
+        let mut only = None;
+        for_each_piece(&parts, &mut all, max, &mut |piece| {
+            let bounds = self.push_volume(object, first, &parts, piece);
+            only = (piece.len() == parts.len()).then_some(bounds);
+        });
+        let bounds = only.unwrap_or_else(|| enclosing_sphere(parts.iter().map(|part| &part.primitive)));
+        let primitives = first..id(self.locations.len() + 1);
+        self.objects.push(Object { name, material, bounds, primitives });
+    }
+
+    /// Appends a volume round a piece of an object; columns are sorted by kind and sides, so that every run is
+    /// uniform.
+    fn push_volume(
+        &mut self,
+        object: ObjectId,
+        first: u32,
+        parts: &[Part],
+        piece: &mut [usize],
+    ) -> BoundingSphere {
+        let volume = VolumeId(id(self.volumes.len() + 1));
+        piece.sort_unstable_by_key(|&i| (parts[i].primitive.kind(), parts[i].sides, i));
         let first_run = id(self.runs.len() + 1);
-        let mut locations = vec![None; parts.len()];
-        for i in order {
+        for &i in &*piece {
             let part = &parts[i];
             self.extent = self.extent.max(part.primitive.extent());
             let run = self.primitives.push(&part.primitive, part.sides);
-            locations[i] = Some(PrimitiveLocation { kind: run.kind, index: run.range.start, volume });
-            self.ids[run.kind as usize].push(PrimitiveId(first + id(i + 1)));
+            let primitive = first + id(i + 1);
+            self.locations[primitive as usize] =
+                PrimitiveLocation { kind: run.kind, index: run.range.start, volume };
+            self.ids[run.kind as usize].push(PrimitiveId(primitive));
             if let Some(normals) = part.normals {
                 self.vertex_normal_index.resize(run.range.start as usize, u32::MAX);
                 self.vertex_normal_index.push(id(self.vertex_normals.len() + 1));
@@ -205,12 +295,11 @@ impl Scene {
             }
             self.extend_runs(first_run, run);
         }
-        self.locations.extend(locations.into_iter().flatten());
+        let bounds = enclosing_sphere(piece.iter().map(|&i| &parts[i].primitive));
         self.volumes.push(&bounds);
         self.volume_objects.push(object);
         self.volume_runs.push(first_run..id(self.runs.len() + 1));
-        let primitives = first..id(self.locations.len() + 1);
-        self.objects.push(Object { name, material, bounds, primitives });
+        bounds
     }
 
     fn extend_runs(&mut self, first_run: u32, run: ColumnRun) {
@@ -262,6 +351,43 @@ mod tests {
         assert_eq!(scene.volume_runs(VolumeId(1))[0].range, 1..2);
         assert_eq!(scene.volume_object(VolumeId(1)), ObjectId(1));
         assert_eq!(scene.extent(), 4.0);
+    }
+
+    #[test]
+    fn split_objects_keep_their_ids_and_every_volume_is_small() {
+        let build = |max| {
+            let mut builder = SceneBuilder::new();
+            let material = builder.add_material(Material::default());
+            // 23 spheres in two rows, out of order along x, and triangles between them.
+            let ball = |i: u32| sphere(f64::from(i * 7 % 23));
+            builder.add_object("a", material, (0..23).map(ball).chain([triangle(), triangle()]));
+            builder.add_object("b", material, [sphere(30.0)]);
+            builder.max_volume_primitives(max);
+            builder.build().unwrap()
+        };
+        let (whole, split) = (build(None), build(Some(4)));
+        assert_eq!((whole.volumes().len(), split.volumes().len()), (2, 8));
+        assert_eq!(whole.objects(), split.objects());
+        for i in 0..26 {
+            let id = PrimitiveId(i);
+            let primitive = |scene: &Scene| {
+                let PrimitiveLocation { kind, index, volume } = scene.location(id);
+                assert_eq!(scene.primitive_id(kind, index), id);
+                assert_eq!(scene.volume_object(volume), ObjectId(u32::from(i == 25)));
+                let is_inside = scene
+                    .volume_runs(volume)
+                    .iter()
+                    .any(|run| run.kind == kind && run.range.contains(&index));
+                assert!(is_inside, "{i}");
+                // Tells spheres apart by their centres.
+                scene.primitives().normal_at(kind, index, DVec3::splat(100.0))
+            };
+            assert_eq!(primitive(&whole), primitive(&split), "{i}");
+        }
+        let size = |volume: u32| -> u32 {
+            split.volume_runs(VolumeId(volume)).iter().map(|run| run.range.end - run.range.start).sum()
+        };
+        assert_eq!((0..8).map(size).collect::<Vec<_>>(), [3, 3, 4, 3, 4, 4, 4, 1]);
     }
 
     #[test]

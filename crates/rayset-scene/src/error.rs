@@ -25,6 +25,12 @@ pub enum SceneError {
         /// What is wrong.
         message: String,
     },
+    /// The ending of a file's name is that of no format that is read here.
+    #[error("`{path}` is no scene: its name ends neither with .toml, .nff, .nff.gz nor with .obj", path = path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
     /// A file holds no geometry.
     #[error("`{path}` holds no face", path = path.display())]
     Empty {

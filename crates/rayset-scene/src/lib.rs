@@ -23,19 +23,27 @@ mod camera;
 mod error;
 mod ids;
 mod light;
+mod lines;
+mod load;
 mod material;
+mod nff;
 #[cfg(feature = "obj")]
 mod obj;
 mod part;
 mod scene;
 mod spheres;
+#[cfg(feature = "toml")]
+mod toml;
+mod warnings;
 
 pub use builder::{MAX_COORDINATE, SceneBuilder};
 pub use camera::Camera;
 pub use error::{SceneError, Warning};
 pub use ids::{LightId, MaterialId, ObjectId, PrimitiveId, VolumeId};
 pub use light::{Illumination, Light};
+pub use load::{Limits, LoadOptions, LoadedScene, load_scene};
 pub use material::{Color, Material};
+pub use nff::load_nff;
 #[cfg(feature = "obj")]
 pub use obj::{ObjGroup, ObjModel, load_obj};
 pub use part::Part;
@@ -43,6 +51,8 @@ pub use rayset_geometry as geometry;
 pub use rayset_geometry::glam;
 pub use scene::{Object, PrimitiveLocation, Scene, SurfacePoint};
 pub use spheres::{RandomSpheres, SphereSize};
+#[cfg(feature = "toml")]
+pub use toml::load_toml;
 
 #[cfg(all(doctest, feature = "obj"))]
 #[doc = include_str!("../README.md")]

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use proptest::test_runner::RngSeed;
-use rayset_scene::{SceneBuilder, load_obj};
+use rayset_scene::{LoadOptions, SceneBuilder, load_obj};
 
 fn config(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, rng_seed: RngSeed::Fixed(1985), ..ProptestConfig::default() }
@@ -38,7 +38,7 @@ impl Drop for Folder {
 
 /// Loads a file and builds a scene of it, or fails if an error does not say where it is from.
 fn load_and_build(obj: &Path) -> Result<bool, TestCaseError> {
-    let model = match load_obj(obj) {
+    let model = match load_obj(obj, &LoadOptions::default()) {
         Ok(model) => model,
         Err(error) => {
             let message = error.to_string();

@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use rayset_scene::glam::DVec3;
-use rayset_scene::{Camera, Color, Light, RandomSpheres, Scene, SceneBuilder, SceneError, load_obj};
+use rayset_scene::{
+    Camera, Color, Light, LoadOptions, RandomSpheres, Scene, SceneBuilder, SceneError, load_obj,
+};
 
 /// A scene with the name that reports give it.
 #[derive(Debug)]
@@ -77,6 +79,6 @@ fn mesh(name: &str, path: &Path, camera: Camera, lights: &[Light]) -> Result<Nam
     for light in lights {
         builder.add_light(*light);
     }
-    load_obj(path)?.add_to(&mut builder);
+    load_obj(path, &LoadOptions::default())?.add_to(&mut builder);
     Ok(NamedScene { name: name.to_owned(), scene: builder.build()?, spheres: None })
 }

@@ -73,7 +73,11 @@ fn eight_spheres_look_as_they_did() {
 #[test]
 fn cornell_box_loads_as_it_did() {
     let fixtures = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures");
-    let model = rayset::scene::load_obj(&fixtures.join("obj/cornell/CornellBox-Sphere.obj")).unwrap();
+    let model = rayset::scene::load_obj(
+        &fixtures.join("obj/cornell/CornellBox-Sphere.obj"),
+        &rayset::scene::LoadOptions::default(),
+    )
+    .unwrap();
     let mut text = String::new();
     for group in &model.groups {
         let material = group.material.map_or("none", |i| model.materials[i].0.as_str());

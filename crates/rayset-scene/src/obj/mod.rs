@@ -12,7 +12,10 @@ use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Sides, Triangle};
 
 use self::guard::{Guard, ObjRules, Report};
-use crate::{Material, MaterialId, ObjectId, Part, SceneBuilder, SceneError, Warning};
+use crate::{
+    Camera, Color, Light, LoadOptions, LoadedScene, Material, MaterialId, ObjectId, Part, SceneBuilder,
+    SceneError, Warning,
+};
 
 /// Triangles that share a material: a run between `o`, `g` and `usemtl` statements.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,7 +50,7 @@ pub struct ObjModel {
 /// [`SceneError::Read`] if the file or a library cannot be read, [`SceneError::Parse`] with the line for a statement
 /// that cannot be understood or trusted (numbers that are not finite, indices that are out of range), and
 /// [`SceneError::Empty`] if there is no face.
-pub fn load_obj(path: &Path) -> Result<ObjModel, SceneError> {
+pub fn load_obj(path: &Path, _options: &LoadOptions) -> Result<ObjModel, SceneError> {
     let report = RefCell::new(Report::default());
     let mut reader = Guard::new(open(path)?, path, &report, ObjRules::default());
     let options = tobj::LoadOptions {
@@ -89,6 +92,33 @@ impl ObjModel {
             objects.push(builder.add_object(group.name, material, group.triangles));
         }
         objects
+    }
+}
+
+impl ObjModel {
+    /// A scene of the model alone, seen by a camera that shows all of it, lit by one light beside the camera.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`SceneBuilder::build`].
+    pub fn into_scene(mut self, options: &LoadOptions) -> Result<LoadedScene, SceneError> {
+        let mut builder = SceneBuilder::new();
+        let warnings = std::mem::take(&mut self.warnings);
+        self.add_to(&mut builder);
+        builder.max_volume_primitives(options.max_volume_primitives);
+        builder.ambient(Color::splat(0.1));
+        builder.background(Color::splat(0.2));
+        let bounds = builder.bounds();
+        let towards = DVec3::new(0.5, 0.35, 1.0);
+        builder.camera(Camera::fitted(
+            bounds.center(),
+            0.5 * bounds.diagonal().length(),
+            towards,
+            DVec3::Y,
+            40.0,
+        )?);
+        builder.add_light(Light::directional(DVec3::new(-0.2, 0.8, 1.0), Color::splat(0.9)));
+        Ok(LoadedScene { scene: builder.build()?, resolution: None, warnings })
     }
 }
 
@@ -164,7 +194,7 @@ mod tests {
         fn load(&self, obj: &str, mtl: &str) -> Result<ObjModel, SceneError> {
             fs::write(self.0.join("a.obj"), obj).unwrap();
             fs::write(self.0.join("a.mtl"), mtl).unwrap();
-            load_obj(&self.0.join("a.obj"))
+            load_obj(&self.0.join("a.obj"), &LoadOptions::default())
         }
 
         fn refused(&self, obj: &str, mtl: &str) -> String {
@@ -239,7 +269,7 @@ mod tests {
         ] {
             assert_eq!(folder.refused(obj, mtl), expected, "{obj:?} {mtl:?}");
         }
-        let missing = load_obj(&folder.0.join("missing.obj")).unwrap_err();
+        let missing = load_obj(&folder.0.join("missing.obj"), &LoadOptions::default()).unwrap_err();
         assert!(matches!(missing, SceneError::Read { .. }), "{missing}");
     }
 
