@@ -3,9 +3,10 @@
 use std::fs;
 
 use clap::ValueEnum;
+use rayset::{ChannelNames, image_of};
 use rayset_engine::{RenderOptions, StrategyKind, render};
 use rayset_image::{to_srgb8, write_exr, write_png_rgb8};
-use rayset_study::{Table1Plan, image_of, sphere_scene, write_file};
+use rayset_study::{Table1Plan, sphere_scene, write_file};
 
 use crate::{Outcome, golden, project, repro_table1};
 
@@ -51,7 +52,7 @@ pub(crate) fn run(options: &Options) -> Outcome {
         let scene = sphere_scene(8, 1)?;
         let options = RenderOptions { width: 480, height: 480, ..RenderOptions::default() };
         let frame = render(StrategyKind::Standard.bind(&scene.scene).as_ref(), &options)?;
-        let image = image_of(&frame, &[])?;
+        let image = image_of(&frame, ChannelNames::Plain, &[])?;
         let path = project::root().join("docs/picture.png");
         write_png_rgb8(&path, image.width(), image.height(), &to_srgb8(&image, 0.0)?)?;
         println!("wrote {}", path.display());

@@ -1,11 +1,12 @@
 //! The golden scenes: rendered small, and compared bit by bit.
 
+use rayset::{ChannelNames, image_of};
 use rayset_engine::{Frame, RenderOptions, StrategyKind, render};
 use rayset_image::Image;
 use rayset_scene::geometry::{Cone, Polygon, Sides, Sphere, Triangle};
 use rayset_scene::glam::DVec3;
 use rayset_scene::{Camera, Color, Light, Material, Part, Scene, SceneBuilder, SceneError};
-use rayset_study::{NamedScene, cornell_box, cornell_spheres, image_of, sphere_scene};
+use rayset_study::{NamedScene, cornell_box, cornell_spheres, sphere_scene};
 
 use crate::project;
 
@@ -43,7 +44,7 @@ pub(crate) fn image(scene: &NamedScene, frame: &Frame) -> Result<Image, Box<dyn 
         ("max_depth", &depth),
         ("cutoff", &cutoff),
     ];
-    Ok(image_of(frame, &provenance)?)
+    Ok(image_of(frame, ChannelNames::Plain, &provenance)?)
 }
 
 /// Every kind of primitive, seen from either side, with a mirror, glass, and both kinds of lights.

@@ -22,13 +22,14 @@ const LAYERS: &[(&str, &[&str], &[&str])] = &[
     ("rayset-image", &[], &["exr", "image", "libm", "thiserror"]),
     (
         "rayset-study",
-        &["rayset-engine", "rayset-geometry", "rayset-image", "rayset-scene", "rayset-simd"],
+        &["rayset", "rayset-engine", "rayset-geometry", "rayset-image", "rayset-scene", "rayset-simd"],
         &["csv", "plotters", "serde", "serde_json", "thiserror"],
     ),
     ("rayset", &["rayset-engine", "rayset-geometry", "rayset-image", "rayset-scene", "rayset-simd"], &[]),
+    ("rayset-cli", &["rayset"], &["clap", "ctrlc", "indicatif", "rayon", "serde", "serde_json", "sha2"]),
     (
         "xtask",
-        &["rayset-engine", "rayset-image", "rayset-scene", "rayset-study"],
+        &["rayset", "rayset-engine", "rayset-image", "rayset-scene", "rayset-study"],
         &["clap", "indicatif", "libm", "serde_json"],
     ),
 ];

@@ -17,20 +17,26 @@
 //! ```
 
 mod counts;
+mod film;
+mod frame;
 mod histogram;
 mod intersection_tree;
+mod layer;
 mod order;
 mod query;
 mod ray_set;
 mod render;
+mod sampling;
 mod shading;
 mod stats;
 mod strategies;
 mod strategy;
 
 pub use counts::{ByKind, RayCounts, RayTally};
+pub use frame::{Frame, FrameTimes, Plane, PlaneSamples};
 pub use histogram::Histogram;
 pub use intersection_tree::{Branch, IntersectionTrees, LightState, Node, Surface};
+pub use layer::{Layer, Layers, UnknownLayer};
 pub use order::{PixelOrder, SweepLength};
 pub use query::{
     Answers, Generation, Hit, MAX_DEPTH, Originating, QueryWork, RayKind, RayQuery, RaySetIndex,
@@ -40,7 +46,8 @@ pub use ray_set::{DEPARTURE_MARGIN, RaySets, TreeOptions};
 pub use rayset_geometry as geometry;
 pub use rayset_scene as scene;
 pub use rayset_simd::Backend;
-pub use render::{Frame, FrameTimes, Plane, PlaneSamples, RenderError, RenderOptions, render};
+pub use render::{Observer, Progress, RenderError, RenderOptions, render, render_observed};
+pub use sampling::{Crop, EyeRays};
 pub use shading::shade;
 pub use stats::{CoherenceCounts, Stats, Work};
 pub use strategies::{

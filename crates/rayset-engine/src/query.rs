@@ -317,12 +317,14 @@ impl ShadowGeneration {
 }
 
 /// What answering one query took.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct QueryWork {
     /// The work; what a packet of rays shares is divided evenly among them.
     pub work: Work,
     /// Whether the answer was coherent: found without a partition.
     pub coherent: bool,
+    /// The radius of the safety zone that gave the answer, or was built with it, in world units; 0 for none.
+    pub certificate_radius: f64,
 }
 
 /// Answers in the order of the queries.

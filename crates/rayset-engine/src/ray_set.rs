@@ -7,8 +7,9 @@ use rayset_geometry::{Ray, Side, Span, unit};
 use rayset_scene::{LightId, Material, Scene};
 
 use crate::{
-    Answers, Branch, Generation, Hit, IntersectionTrees, LightState, Node, Originating, RayCounts, RayQuery,
-    RaySetIndex, ShadowGeneration, ShadowQuery, Slot, Surface, Tracer,
+    Answers, Branch, ByKind, Generation, Hit, IntersectionTrees, LightState, MAX_DEPTH, Node, Originating,
+    RayCounts, RayKind, RayQuery, RaySetIndex, Recording, ShadowGeneration, ShadowQuery, Slot, Surface,
+    Tracer, Work,
 };
 
 /// How far from the surface it leaves a ray begins to see other surfaces, relative to the coordinates involved.
@@ -47,9 +48,20 @@ pub struct RaySets {
     strategy_time: Duration,
 }
 
-/// The rays of one ray-set, counted when work is recorded.
+/// What the rays of one ray-set took, counted when work is recorded.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RaySetTally {
+    pub(crate) rays: ByKind<u32>,
+    pub(crate) work: Work,
+    /// By depth, from 1; light rays belong to the level of the hit they leave.
+    pub(crate) levels: [LevelTally; MAX_DEPTH as usize],
+    /// Of the initial ray.
+    pub(crate) certificate_radius: f64,
+}
+
+/// The rays of one level of a ray-set.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LevelTally {
     pub(crate) rays: u32,
     pub(crate) coherent: u32,
 }
@@ -67,7 +79,13 @@ impl RaySets {
         self.strategy_time
     }
 
-    /// The rays and coherent rays of each ray-set of the bundle grown last; zero unless recorded.
+    /// The trees of the bundle grown last.
+    #[must_use]
+    pub fn trees(&self) -> &IntersectionTrees {
+        &self.trees
+    }
+
+    /// What each ray-set of the bundle grown last took; empty unless recorded.
     pub(crate) fn tallies(&self) -> &[RaySetTally] {
         &self.tallies
     }
@@ -97,7 +115,9 @@ impl RaySets {
             self.trees.nodes.push(node(i, Slot::ROOT, ray.direction(), 1.0));
         }
         self.tallies.clear();
-        self.tallies.resize(self.generation.len(), RaySetTally::default());
+        if tracer.recording() == Recording::PerQuery {
+            self.tallies.resize(self.generation.len(), RaySetTally::default());
+        }
         while !self.generation.is_empty() {
             self.grow_generation(scene, tracer, first, options);
             std::mem::swap(&mut self.generation, &mut self.next);
@@ -161,10 +181,17 @@ impl RaySets {
             false => (&self.hits.work, &self.generation),
             true => (&self.occluded.work, self.shadow.rays()),
         };
-        for (work, ray_set) in work.iter().zip(rays.ray_sets()) {
-            let tally = &mut self.tallies[(ray_set.0 - first.0) as usize];
-            tally.rays += 1;
-            tally.coherent += u32::from(work.coherent);
+        for ((query, ray_set), slot) in work.iter().zip(rays.ray_sets()).zip(rays.slots()) {
+            let Some(tally) = self.tallies.get_mut((ray_set.0 - first.0) as usize) else { continue };
+            let kind = if shadow { RayKind::Shadow } else { slot.kind() };
+            tally.rays[kind] += 1;
+            tally.work += query.work;
+            let level = &mut tally.levels[slot.depth() as usize - 1];
+            level.rays += 1;
+            level.coherent += u32::from(query.coherent);
+            if kind == RayKind::Initial {
+                tally.certificate_radius = query.certificate_radius;
+            }
         }
     }
 

@@ -1,16 +1,19 @@
 //! Sweeps over the image.
 
 use std::fmt;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
 use rayset_scene::Color;
 
+use crate::film::Film;
+use crate::sampling::Grid;
 use crate::{
-    IntersectionStrategy, MAX_DEPTH, PixelOrder, RayCounts, RaySetIndex, RaySets, Recording, Stats,
-    SweepLength, TreeOptions, shade,
+    Crop, EyeRays, Frame, FrameTimes, IntersectionStrategy, Layers, MAX_DEPTH, PixelOrder, RayCounts,
+    RaySetIndex, RaySets, Recording, Stats, SweepLength, TreeOptions, shade,
 };
 
 /// The most pixels a side of an image may have.
@@ -22,138 +25,101 @@ const MAX_BUNDLE_NODES: usize = 1 << 22;
 /// What to render, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RenderOptions {
-    /// Pixels across; each is sampled once, at its centre.
+    /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
+    /// Where initial rays pass through the image.
+    pub eye_rays: EyeRays,
+    /// The part of the image to render; `None` for all of it. The frame is of that part's size.
+    pub crop: Option<Crop>,
     /// The greatest depth of a tree, from 1 to [`MAX_DEPTH`]; the initial ray has depth 1.
     pub max_depth: u32,
     /// The adaptive cut-off: see [`TreeOptions::cutoff`].
     pub cutoff: Option<f64>,
-    /// The order in which a sweep visits pixels.
+    /// The order in which a sweep visits initial rays.
     pub order: PixelOrder,
-    /// How much of the image a sweep covers.
+    /// How much of the image a sweep covers, in rows of initial rays.
     pub sweep: SweepLength,
     /// How many ray-sets are traced together; `None` for what the strategy prefers. Changes no result.
     pub bundle_len: Option<usize>,
-    /// Whether the rays of each pixel, and the coherent ones among them, become planes of the frame.
-    pub recording: Recording,
+    /// What the frame shows besides the image; changes no pixel and no count.
+    pub layers: Layers,
 }
 
 impl Default for RenderOptions {
-    /// 512 by 512 pixels, depth 5, cut-off 1/256, scanlines, sweeps of 16 rows.
+    /// 512 by 512 pixels, a ray through the middle of each, depth 5, cut-off 1/256, scanlines, sweeps of 16 rows.
     fn default() -> Self {
         Self {
             width: 512,
             height: 512,
+            eye_rays: EyeRays::default(),
+            crop: None,
             max_depth: 5,
             cutoff: Some(1.0 / 256.0),
             order: PixelOrder::Scanline,
             sweep: SweepLength::default(),
             bundle_len: None,
-            recording: Recording::Off,
+            layers: Layers::default(),
         }
     }
 }
 
-/// Options that make no sense.
+/// Why there is no frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RenderError {
-    message: String,
+#[non_exhaustive]
+pub enum RenderError {
+    /// The options make no sense.
+    Invalid {
+        /// What is wrong with them.
+        message: String,
+    },
+    /// The observer asked to stop.
+    Cancelled,
 }
 
 impl fmt::Display for RenderError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)
+        match self {
+            Self::Invalid { message } => f.write_str(message),
+            Self::Cancelled => f.write_str("cancelled"),
+        }
     }
 }
 
 impl std::error::Error for RenderError {}
 
-/// A rendered image, with what it took.
-#[derive(Clone, Debug)]
-pub struct Frame {
-    /// Pixels across.
-    pub width: u32,
-    /// Pixels down.
-    pub height: u32,
-    /// Linear red, green and blue of every pixel, rows from the top.
-    pub beauty: [Vec<f32>; 3],
-    /// Rays cast for every pixel, if recorded.
-    pub rays: Option<Vec<u32>>,
-    /// The fraction of each pixel's rays that were coherent, if recorded.
-    pub coherent: Option<Vec<f32>>,
-    /// Rays by kind; the same for every exact strategy.
-    pub counts: RayCounts,
-    /// What the strategy counted.
-    pub stats: Stats,
-    /// How long it took.
-    pub times: FrameTimes,
+/// What is done between two calls of an observer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// Ray-sets finished.
+    pub ray_sets: u64,
+    /// Rays cast for them, of all kinds.
+    pub rays: u64,
 }
 
-/// How long a frame took.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct FrameTimes {
-    /// From the first ray to the last pixel, by the clock.
-    pub trace: Duration,
-    /// Inside the strategy's calls, summed over threads.
-    pub strategy: Duration,
-}
+/// Called after every bundle, from any thread, with what was done in it; may ask to stop.
+pub type Observer<'a> = &'a (dyn Fn(Progress) -> ControlFlow<()> + Sync);
 
-/// A named plane of numbers, one a pixel, rows from the top.
-#[derive(Clone, Copy, Debug)]
-pub struct Plane<'a> {
-    /// The name: of a channel as OpenEXR has it.
-    pub name: &'static str,
-    /// The numbers.
-    pub samples: PlaneSamples<'a>,
-}
-
-/// The numbers of a plane.
-#[derive(Clone, Copy, Debug)]
-pub enum PlaneSamples<'a> {
-    /// Quantities.
-    F32(&'a [f32]),
-    /// Counts and ids.
-    U32(&'a [u32]),
-}
-
-impl Frame {
-    /// All planes: `R`, `G`, `B`, and what was recorded.
+impl RenderOptions {
+    /// How many ray-sets the image takes: what [`Progress::ray_sets`] adds up to.
     #[must_use]
-    pub fn planes(&self) -> Vec<Plane<'_>> {
-        let names = ["R", "G", "B"].into_iter().zip(&self.beauty);
-        let mut planes: Vec<_> =
-            names.map(|(name, samples)| Plane { name, samples: PlaneSamples::F32(samples) }).collect();
-        if let Some(rays) = &self.rays {
-            planes.push(Plane { name: "rays", samples: PlaneSamples::U32(rays) });
-        }
-        if let Some(coherent) = &self.coherent {
-            planes.push(Plane { name: "coherent", samples: PlaneSamples::F32(coherent) });
-        }
-        planes
+    pub fn n_ray_sets(&self) -> u64 {
+        let grid = self.grid();
+        grid.width() * grid.height()
     }
 
-    /// How many pixels differ from another frame's in any bit of their colour.
-    ///
-    /// # Panics
-    ///
-    /// If the frames differ in size.
-    #[must_use]
-    pub fn differing_pixels(&self, other: &Self) -> usize {
-        assert_eq!((self.width, self.height), (other.width, other.height), "frames of one size");
-        let pixels = 0..self.beauty[0].len();
-        pixels
-            .filter(|&i| (0..3).any(|k| self.beauty[k][i].to_bits() != other.beauty[k][i].to_bits()))
-            .count()
+    fn grid(&self) -> Grid {
+        let whole = Crop { x: 0, y: 0, width: self.width, height: self.height };
+        Grid { image: (self.width, self.height), crop: self.crop.unwrap_or(whole), eye_rays: self.eye_rays }
     }
 }
 
 /// What one sweep gives.
 struct Sweep {
-    pixels: Vec<(u32, u32)>,
+    rows: Range<u32>,
+    /// In rows of the grid.
     radiance: Vec<Color>,
-    tallies: Vec<(u32, u32)>,
     counts: RayCounts,
     stats: Stats,
     strategy_time: Duration,
@@ -166,41 +132,66 @@ struct Sweep {
 ///
 /// # Errors
 ///
-/// [`RenderError`] if a side of the image is zero or above 65,535, the depth is zero or above [`MAX_DEPTH`], the
-/// bundle length is zero, or the cut-off is negative or NaN.
+/// [`RenderError::Invalid`] if a side of the image is zero or above 65,535, the crop is empty or reaches outside, there
+/// are no samples or 2^32 rays, the depth is zero or above [`MAX_DEPTH`], the bundle length is zero, or the cut-off is
+/// negative or NaN.
 pub fn render(strategy: &dyn IntersectionStrategy, options: &RenderOptions) -> Result<Frame, RenderError> {
+    render_observed(strategy, options, &|_| ControlFlow::Continue(()))
+}
+
+/// Renders as [`render`] does, and tells an observer how far it is.
+///
+/// # Errors
+///
+/// Those of [`render`], and [`RenderError::Cancelled`] once the observer breaks.
+pub fn render_observed(
+    strategy: &dyn IntersectionStrategy,
+    options: &RenderOptions,
+    observer: Observer<'_>,
+) -> Result<Frame, RenderError> {
     check(options)?;
     let start = Instant::now();
-    let bands = options.order.sweeps(options.height, options.sweep);
-    #[cfg(feature = "parallel")]
-    let sweeps: Vec<Sweep> = bands.into_par_iter().map(|band| sweep(strategy, options, band)).collect();
-    #[cfg(not(feature = "parallel"))]
-    let sweeps: Vec<Sweep> = bands.into_iter().map(|band| sweep(strategy, options, band)).collect();
-
-    let n_pixels = options.width as usize * options.height as usize;
-    let recorded = options.recording == Recording::PerQuery;
-    let mut frame = Frame {
-        width: options.width,
-        height: options.height,
-        beauty: std::array::from_fn(|_| vec![0.0; n_pixels]),
-        rays: recorded.then(|| vec![0; n_pixels]),
-        coherent: recorded.then(|| vec![0.0; n_pixels]),
-        counts: RayCounts::default(),
-        stats: Stats::default(),
-        times: FrameTimes::default(),
+    let canvas = Canvas::new(options);
+    let run = |rows: Range<u32>| {
+        let sweep = sweep(strategy, options, &canvas, rows, observer)?;
+        canvas.absorb(sweep);
+        Ok(())
     };
-    for sweep in sweeps {
-        frame.merge(&sweep);
-    }
+    let bands = options.order.sweeps(height_of(&canvas.grid), canvas.sweep_length(options.sweep));
+    #[cfg(feature = "parallel")]
+    let outcome: Result<(), RenderError> = bands.into_par_iter().try_for_each(run);
+    #[cfg(not(feature = "parallel"))]
+    let outcome: Result<(), RenderError> = bands.into_iter().try_for_each(run);
+    outcome?;
+    let mut frame = canvas.finish();
     frame.times.trace = start.elapsed();
     Ok(frame)
 }
 
 fn check(options: &RenderOptions) -> Result<(), RenderError> {
-    let refuse = |message: String| Err(RenderError { message });
+    let refuse = |message: String| Err(RenderError::Invalid { message });
+    let (width, height) = (options.width, options.height);
     let sides = 1..=MAX_SIDE;
-    if !(sides.contains(&options.width) && sides.contains(&options.height)) {
-        return refuse(format!("an image of {} x {} pixels is not possible", options.width, options.height));
+    if !(sides.contains(&width) && sides.contains(&height)) {
+        return refuse(format!("an image of {width} x {height} pixels is not possible"));
+    }
+    if let Some(crop) = options.crop {
+        let is_inside = |first: u32, length: u32, side: u32| {
+            length > 0 && first.checked_add(length).is_some_and(|end| end <= side)
+        };
+        if !(is_inside(crop.x, crop.width, width) && is_inside(crop.y, crop.height, height)) {
+            let Crop { x, y, width: w, height: h } = crop;
+            return refuse(format!(
+                "the crop of {w} x {h} pixels at ({x}, {y}) is empty or reaches outside the image of {width} x {height}"
+            ));
+        }
+    }
+    if options.eye_rays == (EyeRays::Centers { samples: 0 }) {
+        return refuse("a pixel needs at least one sample".to_owned());
+    }
+    let grid = options.grid();
+    if grid.width().checked_mul(grid.height()).is_none_or(|rays| rays >= u64::from(u32::MAX)) {
+        return refuse("there are 2^32 initial rays or more".to_owned());
     }
     if !(1..=MAX_DEPTH).contains(&options.max_depth) {
         return refuse(format!("a depth of {} is not between 1 and {MAX_DEPTH}", options.max_depth));
@@ -214,57 +205,157 @@ fn check(options: &RenderOptions) -> Result<(), RenderError> {
     Ok(())
 }
 
-fn sweep(strategy: &dyn IntersectionStrategy, options: &RenderOptions, rows: Range<u32>) -> Sweep {
+/// Rows of the grid: checked to fit.
+fn height_of(grid: &Grid) -> u32 {
+    u32::try_from(grid.height()).expect("fewer than 2^32 rays")
+}
+
+fn width_of(grid: &Grid) -> u32 {
+    u32::try_from(grid.width()).expect("fewer than 2^32 rays")
+}
+
+/// The frame while sweeps are added to it, from any thread and in any order.
+struct Canvas {
+    grid: Grid,
+    film: Option<Mutex<Film>>,
+    picture: Mutex<Picture>,
+}
+
+struct Picture {
+    beauty: [Vec<f32>; 3],
+    /// All rays of the grid, where pixels share them.
+    shared: Vec<Color>,
+    counts: RayCounts,
+    stats: Stats,
+    strategy_time: Duration,
+}
+
+impl Canvas {
+    fn new(options: &RenderOptions) -> Self {
+        let grid = options.grid();
+        let n_pixels = grid.crop.width as usize * grid.crop.height as usize;
+        let n_shared = match options.eye_rays {
+            EyeRays::Corners => width_of(&grid) as usize * height_of(&grid) as usize,
+            EyeRays::Centers { .. } => 0,
+        };
+        let layers = options.layers;
+        let film = (layers.need_recording() || layers.need_hits())
+            .then(|| Mutex::new(Film::new(layers, n_pixels, options.max_depth)));
+        let picture = Picture {
+            beauty: std::array::from_fn(|_| vec![0.0; n_pixels]),
+            shared: vec![Color::ZERO; n_shared],
+            counts: RayCounts::default(),
+            stats: Stats::default(),
+            strategy_time: Duration::ZERO,
+        };
+        Self { grid, film, picture: Mutex::new(picture) }
+    }
+
+    /// Sweeps of whole pixels.
+    fn sweep_length(&self, length: SweepLength) -> SweepLength {
+        match length {
+            SweepLength::Rows(rows) => {
+                SweepLength::Rows(rows.max(1).next_multiple_of(self.grid.rows_of_a_pixel()))
+            }
+            SweepLength::WholeImage => length,
+        }
+    }
+
+    /// Adds the colours and counts of a sweep; the sums are of integers, so the order does not matter.
+    fn absorb(&self, sweep: Sweep) {
+        let mut picture = self.picture.lock().unwrap_or_else(PoisonError::into_inner);
+        picture.counts += sweep.counts;
+        picture.stats += &sweep.stats;
+        picture.strategy_time += sweep.strategy_time;
+        if self.grid.eye_rays == EyeRays::Corners {
+            let start = sweep.rows.start as usize * width_of(&self.grid) as usize;
+            picture.shared[start..start + sweep.radiance.len()].copy_from_slice(&sweep.radiance);
+        } else {
+            let rows =
+                sweep.rows.start / self.grid.rows_of_a_pixel()..sweep.rows.end / self.grid.rows_of_a_pixel();
+            picture.resolve(&self.grid, &sweep.radiance, rows);
+        }
+    }
+
+    fn finish(self) -> Frame {
+        let mut picture = self.picture.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if self.grid.eye_rays == EyeRays::Corners {
+            let shared = std::mem::take(&mut picture.shared);
+            picture.resolve(&self.grid, &shared, 0..self.grid.crop.height);
+        }
+        let film = self.film.map(|film| film.into_inner().unwrap_or_else(PoisonError::into_inner));
+        Frame {
+            width: self.grid.crop.width,
+            height: self.grid.crop.height,
+            beauty: picture.beauty,
+            layers: film.map(Film::develop).unwrap_or_default(),
+            counts: picture.counts,
+            stats: picture.stats,
+            times: FrameTimes { trace: Duration::ZERO, strategy: picture.strategy_time },
+        }
+    }
+}
+
+impl Picture {
+    /// Turns rays into the pixels of some rows; `radiance` begins with the first ray of the first of them.
+    #[expect(clippy::cast_possible_truncation, reason = "a pixel is rounded to f32 once, here")]
+    fn resolve(&mut self, grid: &Grid, radiance: &[Color], rows: Range<u32>) {
+        let width = grid.crop.width as usize;
+        for (row, y) in rows.enumerate() {
+            for x in 0..width {
+                let color = grid.mean(radiance, (x, row));
+                for (plane, value) in self.beauty.iter_mut().zip(color.to_array()) {
+                    plane[y as usize * width + x] = value as f32;
+                }
+            }
+        }
+    }
+}
+
+fn sweep(
+    strategy: &dyn IntersectionStrategy,
+    options: &RenderOptions,
+    canvas: &Canvas,
+    rows: Range<u32>,
+    observer: Observer<'_>,
+) -> Result<Sweep, RenderError> {
     let scene = strategy.scene();
-    let mut tracer = strategy.begin_sweep(options.recording);
+    let recording = if options.layers.need_recording() { Recording::PerQuery } else { Recording::Off };
+    let mut tracer = strategy.begin_sweep(recording);
     let mut ray_sets = RaySets::default();
-    let first = rows.start * options.width;
-    let mut pixels = Vec::new();
-    options.order.extend_with_pixels(&mut pixels, options.width, rows);
-    let mut radiance = Vec::with_capacity(pixels.len());
-    let mut tallies = Vec::new();
-    let mut scratch = Vec::new();
+    let width = width_of(&canvas.grid);
+    let first = rows.start * width;
+    let mut places = Vec::new();
+    options.order.extend_with_pixels(&mut places, width, rows.clone());
+    let mut radiance = vec![Color::ZERO; places.len()];
+    let (mut scratch, mut colors) = (Vec::new(), Vec::new());
     let tree_options = TreeOptions { max_depth: options.max_depth, cutoff: options.cutoff };
     let bundle_len = options.bundle_len.unwrap_or_else(|| strategy.preferred_bundle_len());
     // A tree of depth d has fewer than 2^d nodes.
     let bundle_len = bundle_len.clamp(1, MAX_BUNDLE_NODES >> options.max_depth);
-    for (i, bundle) in pixels.chunks(bundle_len).enumerate() {
-        let bundle_start = u32::try_from(i * bundle_len).expect("fewer than 2^32 pixels");
-        let rays = bundle.iter().map(|&(x, y)| {
-            scene.camera().ray(f64::from(x) + 0.5, f64::from(y) + 0.5, options.width, options.height)
-        });
+    let mut rays_before = 0;
+    for (i, bundle) in places.chunks(bundle_len).enumerate() {
+        let bundle_start = u32::try_from(i * bundle_len).expect("fewer than 2^32 rays");
+        let rays = bundle.iter().map(|&place| canvas.grid.ray(scene.camera(), place));
         let trees =
             ray_sets.grow(scene, tracer.as_mut(), RaySetIndex(first + bundle_start), rays, &tree_options);
-        shade(trees, scene, &mut scratch, &mut radiance);
-        if options.recording == Recording::PerQuery {
-            tallies.extend(ray_sets.tallies().iter().map(|tally| (tally.rays, tally.coherent)));
+        colors.clear();
+        shade(trees, scene, &mut scratch, &mut colors);
+        for (&(x, y), color) in bundle.iter().zip(&colors) {
+            radiance[(y - rows.start) as usize * width as usize + x as usize] = *color;
+        }
+        if let Some(film) = &canvas.film {
+            let mut film = film.lock().unwrap_or_else(PoisonError::into_inner);
+            film.expose(&canvas.grid, bundle, ray_sets.trees(), ray_sets.tallies());
+        }
+        let rays = ray_sets.counts().total().cast;
+        let progress = Progress { ray_sets: bundle.len() as u64, rays: rays - rays_before };
+        rays_before = rays;
+        if observer(progress).is_break() {
+            return Err(RenderError::Cancelled);
         }
     }
     let stats = tracer.stats().clone();
     let (counts, strategy_time) = (*ray_sets.counts(), ray_sets.strategy_time());
-    Sweep { pixels, radiance, tallies, counts, stats, strategy_time }
-}
-
-impl Frame {
-    #[expect(clippy::cast_possible_truncation, reason = "a pixel is rounded to f32 once, here")]
-    #[expect(clippy::cast_precision_loss, reason = "the ratio of two small counts")]
-    fn merge(&mut self, sweep: &Sweep) {
-        for (i, (&(x, y), color)) in sweep.pixels.iter().zip(&sweep.radiance).enumerate() {
-            let pixel = y as usize * self.width as usize + x as usize;
-            for (plane, value) in self.beauty.iter_mut().zip(color.to_array()) {
-                plane[pixel] = value as f32;
-            }
-            if let Some(&(rays, coherent)) = sweep.tallies.get(i) {
-                if let Some(plane) = &mut self.rays {
-                    plane[pixel] = rays;
-                }
-                if let Some(plane) = &mut self.coherent {
-                    plane[pixel] = coherent as f32 / rays as f32;
-                }
-            }
-        }
-        self.counts += sweep.counts;
-        self.stats += &sweep.stats;
-        self.times.strategy += sweep.strategy_time;
-    }
+    Ok(Sweep { rows, radiance, counts, stats, strategy_time })
 }

@@ -57,6 +57,11 @@ pub trait Tracer {
     /// What is recorded for each query.
     fn recording(&self) -> Recording;
 
+    /// See [`QueryWork::certificate_radius`]: of the query answered last; asked only where work is recorded.
+    fn certificate_radius(&self) -> f64 {
+        0.0
+    }
+
     /// Answers a whole generation; override it to batch.
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
         for i in 0..generation.len() {
@@ -93,7 +98,11 @@ impl Before {
     fn record<T: Tracer + ?Sized>(self, tracer: &T, column: &mut Vec<QueryWork>) {
         if let Some((work, coherent)) = self.0 {
             let after = Self::progress(tracer.stats());
-            column.push(QueryWork { work: after.0 - work, coherent: after.1 > coherent });
+            column.push(QueryWork {
+                work: after.0 - work,
+                coherent: after.1 > coherent,
+                certificate_radius: tracer.certificate_radius(),
+            });
         }
     }
 
@@ -108,6 +117,9 @@ pub(crate) trait LaneTracer {
     fn occluded_on<S: Simd>(&mut self, simd: S, query: &ShadowQuery) -> bool;
     fn lane_stats(&self) -> &Stats;
     fn lane_recording(&self) -> Recording;
+    fn lane_certificate_radius(&self) -> f64 {
+        0.0
+    }
     fn backend(&self) -> Backend;
 }
 
@@ -126,6 +138,10 @@ impl<T: LaneTracer> Tracer for T {
 
     fn recording(&self) -> Recording {
         self.lane_recording()
+    }
+
+    fn certificate_radius(&self) -> f64 {
+        self.lane_certificate_radius()
     }
 
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {

@@ -8,9 +8,9 @@ use std::sync::Mutex;
 use pixels::assert_same_pixels;
 use rayset_engine::geometry::{Ray, Span};
 use rayset_engine::scene::{ObjectId, Part, PrimitiveId, Scene};
-use rayset_engine::{
+use rayset_engine::{EyeRays, Layers, Recording, 
     Answers, Backend, ByKind, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, RayKind,
-    RayQuery, Recording, RenderOptions, ShadowGeneration, ShadowQuery, Speer1985, Speer1985Options, Standard,
+    RayQuery, RenderOptions, ShadowGeneration, ShadowQuery, Speer1985, Speer1985Options, Standard,
     Stats, StrategyKind, SweepLength, Tracer, render,
 };
 use scenes::TestScene;
@@ -23,7 +23,9 @@ const OPTIONS: RenderOptions = RenderOptions {
     order: PixelOrder::Scanline,
     sweep: SweepLength::WholeImage,
     bundle_len: Some(16),
-    recording: Recording::Off,
+    layers: Layers::BEAUTY,
+    eye_rays: EyeRays::Centers { samples: 1 },
+    crop: None,
 };
 
 /// A strategy from outside the crate: tests every primitive.

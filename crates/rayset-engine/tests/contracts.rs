@@ -9,7 +9,7 @@ use queries::{Query, queries_of};
 use rayset_engine::geometry::glam::{DVec3, dvec3};
 use rayset_engine::geometry::{Polygon, Primitive, Ray, Side, Span, Sphere, Triangle};
 use rayset_engine::scene::{LightId, Material, ObjectId, Part, PrimitiveId, Scene, SceneBuilder};
-use rayset_engine::{
+use rayset_engine::{EyeRays, Layers, 
     Answers, Backend, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, QueryWork, RayQuery,
     RaySetIndex, Recording, RenderOptions, ShadowGeneration, ShadowQuery, Slot, Speer1985, StrategyKind,
     SweepLength, Tracer,
@@ -23,7 +23,9 @@ const OPTIONS: RenderOptions = RenderOptions {
     order: PixelOrder::Scanline,
     sweep: SweepLength::Rows(4),
     bundle_len: Some(9),
-    recording: Recording::Off,
+    layers: Layers::BEAUTY,
+    eye_rays: EyeRays::Centers { samples: 1 },
+    crop: None,
 };
 
 /// An answer to a [`Query`].

@@ -11,10 +11,10 @@ use queries::{Query, queries_of};
 use rayset_engine::geometry::glam::DVec3;
 use rayset_engine::geometry::{Polygon, Span, Sphere, Triangle, unit};
 use rayset_engine::scene::{Camera, Light, Material, Part, Scene, SceneBuilder};
-use rayset_engine::{
+use rayset_engine::{EyeRays, Recording, 
     Backend, BlockerRule, ByKind, CoherenceCounts, DEPARTURE_MARGIN, EndPlaneRule, InheritanceRule,
     IntersectionStrategy, LightRule, MatchRule, MissRule, OriginatingRule, PixelOrder, RayKind, RayQuery,
-    RayTally, Recording, RenderOptions, ShadowQuery, SlabRule, Slot, Speer1985, Speer1985Options, Standard,
+    RayTally, RenderOptions, ShadowQuery, SlabRule, Slot, Speer1985, Speer1985Options, Standard,
     StrategyKind, SweepLength, render,
 };
 
@@ -114,8 +114,9 @@ fn options() -> impl Strategy<Value = RenderOptions> {
     let order = select(vec![PixelOrder::Scanline, PixelOrder::Serpentine, PixelOrder::Tiles(8)]);
     let sweep = select(vec![SweepLength::Rows(3), SweepLength::WholeImage]);
     let cutoff = select(vec![None, Some(0.0), Some(0.2)]);
-    (1..20_u32, 1..20_u32, 1..6_u32, order, sweep, cutoff).prop_map(
-        |(width, height, max_depth, order, sweep, cutoff)| RenderOptions {
+    let eye_rays = select(vec![EyeRays::default(), EyeRays::Centers { samples: 2 }, EyeRays::Corners]);
+    (1..20_u32, 1..20_u32, 1..6_u32, order, sweep, cutoff, eye_rays).prop_map(
+        |(width, height, max_depth, order, sweep, cutoff, eye_rays)| RenderOptions {
             width,
             height,
             max_depth,
@@ -123,7 +124,9 @@ fn options() -> impl Strategy<Value = RenderOptions> {
             order,
             sweep,
             bundle_len: None,
-            recording: Recording::Off,
+            layers: rayset_engine::Layers::BEAUTY,
+            eye_rays,
+            crop: None,
         },
     )
 }
@@ -156,7 +159,7 @@ proptest! {
     #[test]
     fn counts_add_up((scene, reading, options) in (scene(), reading(), options())) {
         let n = scene.volumes().len() as u64;
-        let pixels = u64::from(options.width * options.height);
+        let pixels = options.n_ray_sets();
         let standard = Standard::new(&scene);
         let speer = Speer1985::on(&scene, Backend::active(), reading);
         for strategy in [&standard as &dyn IntersectionStrategy, &speer] {
@@ -260,7 +263,9 @@ const SMALL: RenderOptions = RenderOptions {
     order: PixelOrder::Scanline,
     sweep: SweepLength::WholeImage,
     bundle_len: None,
-    recording: Recording::Off,
+    layers: rayset_engine::Layers::BEAUTY,
+    eye_rays: EyeRays::Centers { samples: 1 },
+    crop: None,
 };
 
 proptest! {

@@ -6,7 +6,6 @@ mod error;
 mod exr;
 mod image;
 mod layers;
-#[cfg(any(feature = "exr", feature = "png"))]
 mod output;
 #[cfg(feature = "png")]
 mod png;
@@ -21,4 +20,5 @@ pub use self::{
     error::ImageError,
     image::{Channel, Image, Sample, Samples},
     layers::{Layer, false_colour, unit_values},
+    output::{check_writable, write_whole},
 };

@@ -7,19 +7,38 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
+use crate::ImageError;
+
+/// Writes a file under a temporary name in its own folder and renames it into place; so do all writers of this crate.
+///
+/// # Errors
+///
+/// [`ImageError::Write`] if the disk refuses, or the target exists and is no regular file; it is then as it was.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
+    replace_file(path, bytes).map_err(|source| ImageError::Write { path: path.into(), source })
+}
+
+/// Tries whether [`write_whole`] could write a file there, and leaves nothing behind.
+///
+/// # Errors
+///
+/// [`ImageError::Write`] as [`write_whole`] would give it.
+pub fn check_writable(path: &Path) -> Result<(), ImageError> {
+    let attempt = || {
+        let (file, temporary) = create_beside(&target_of(path)?)?;
+        drop(file);
+        fs::remove_file(&temporary)
+    };
+    attempt().map_err(|source| ImageError::Write { path: path.into(), source })
+}
+
 /// Writes a file under a temporary name in its own folder and renames it into place.
 ///
 /// An existing file is replaced; through a symbolic link the file it points to is. On failure the target is as
 /// it was and no temporary file is left. A target that exists but is no regular file, a device or a folder, is
 /// refused, since renaming would replace it.
 pub(crate) fn replace_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let target = if path.is_symlink() { path.canonicalize()? } else { path.to_path_buf() };
-    if fs::metadata(&target).is_ok_and(|existing| !existing.is_file()) {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "it exists and is not a regular file"));
-    }
-    if target.file_name().is_none() {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
-    }
+    let target = target_of(path)?;
     let (mut file, temporary) = create_beside(&target)?;
     let written = file.write_all(bytes).and_then(|()| file.sync_all());
     drop(file);
@@ -29,6 +48,18 @@ pub(crate) fn replace_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
         let _ = fs::remove_file(&temporary);
     }
     placed
+}
+
+/// The file to replace; an error if it is none.
+fn target_of(path: &Path) -> io::Result<PathBuf> {
+    let target = if path.is_symlink() { path.canonicalize()? } else { path.to_path_buf() };
+    if fs::metadata(&target).is_ok_and(|existing| !existing.is_file()) {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "it exists and is not a regular file"));
+    }
+    if target.file_name().is_none() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
+    }
+    Ok(target)
 }
 
 /// Creates a new file of a fresh temporary name in the folder of `target`.

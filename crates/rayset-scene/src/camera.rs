@@ -3,12 +3,14 @@
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, unit};
 
-use crate::SceneError;
+use crate::{MAX_COORDINATE, SceneError};
 
 /// A pinhole camera: the paper's viewpoint and image plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     from: DVec3,
+    target: DVec3,
+    angle: f64,
     forward: DVec3,
     right: DVec3,
     up: DVec3,
@@ -43,7 +45,7 @@ impl Camera {
             return Err(invalid("the angle of view is not between 0 and 180 degrees"));
         }
         let half_height = libm::tan(angle * (std::f64::consts::PI / 360.0));
-        Ok(Self { from, forward, right, up: right.cross(forward), half_height })
+        Ok(Self { from, target: at, angle, forward, right, up: right.cross(forward), half_height })
     }
 
     /// A camera that sees all of a sphere from a direction; used where a scene brings none.
@@ -63,10 +65,39 @@ impl Camera {
         Self::new(center + distance * away, center, up, angle)
     }
 
+    /// Refuses a camera that no scene can have.
+    pub(crate) fn check(&self) -> Result<(), SceneError> {
+        if self.from.abs().max_element() <= MAX_COORDINATE {
+            return Ok(());
+        }
+        Err(SceneError::Invalid {
+            item: "camera".to_owned(),
+            message: "the viewpoint is too far away".to_owned(),
+        })
+    }
+
     /// The viewpoint, in world space.
     #[must_use]
     pub fn viewpoint(&self) -> DVec3 {
         self.from
+    }
+
+    /// The point it looks at, in world space.
+    #[must_use]
+    pub fn target(&self) -> DVec3 {
+        self.target
+    }
+
+    /// The unit vector that points upwards in the image, in world space.
+    #[must_use]
+    pub fn up(&self) -> DVec3 {
+        self.up
+    }
+
+    /// The full angle of view from the lower to the upper edge of the image, in degrees.
+    #[must_use]
+    pub fn angle(&self) -> f64 {
+        self.angle
     }
 
     /// The initial ray through a point of an image of `width` by `height` pixels.

@@ -14,7 +14,6 @@
 mod cost_model;
 mod error;
 mod files;
-mod images;
 mod scenes;
 mod statistics;
 mod table1;
@@ -22,7 +21,6 @@ mod table1;
 pub use cost_model::{CostModel, Measurement};
 pub use error::StudyError;
 pub use files::write_file;
-pub use images::image_of;
 pub use scenes::{NamedScene, cornell_box, cornell_spheres, knob, mesh_scenes, sphere_scene};
 pub use statistics::Spread;
 pub use table1::{

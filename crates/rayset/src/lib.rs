@@ -6,6 +6,7 @@
 //! - [`scene`]: objects, materials, lights, cameras, random spheres and OBJ files;
 //! - [`engine`]: intersection trees, shading and the strategies;
 //! - [`image`]: float EXR, PNG, comparison and summaries;
+//! - [`image_of`]: from a rendered frame to an image;
 //! - [`simd`]: the lanes that all kernels are written over.
 //!
 //! ```
@@ -21,6 +22,9 @@
 //! # }
 //! ```
 
+mod frames;
+
+pub use frames::{ChannelNames, image_of};
 pub use rayset_engine as engine;
 pub use rayset_geometry as geometry;
 pub use rayset_geometry::glam;

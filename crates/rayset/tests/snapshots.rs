@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use rayset::engine::{Frame, PlaneSamples, Recording, RenderOptions, StrategyKind, render};
-use rayset::image::{Image, compare, read_exr, write_exr};
+use rayset::ChannelNames;
+use rayset::engine::{Frame, Layers, RenderOptions, StrategyKind, render};
+use rayset::image::{Image, Samples, compare, read_exr, write_exr};
 use rayset::scene::{RandomSpheres, Scene};
 
 /// The options of the golden images.
@@ -16,14 +17,7 @@ fn spheres(count: u32) -> Scene {
 }
 
 fn image_of(frame: &Frame) -> Image {
-    let mut image = Image::new(frame.width, frame.height).unwrap();
-    for plane in frame.planes() {
-        match plane.samples {
-            PlaneSamples::F32(samples) => image.push_f32(plane.name, samples.to_vec()).unwrap(),
-            PlaneSamples::U32(samples) => image.push_u32(plane.name, samples.to_vec()).unwrap(),
-        }
-    }
-    image
+    rayset::image_of(frame, ChannelNames::Plain, &[]).unwrap()
 }
 
 /// Writes an image and reads it back; the two must have the same bits.
@@ -93,15 +87,34 @@ fn cornell_box_loads_as_it_did() {
 }
 
 #[test]
-fn recorded_planes_survive_a_file() {
+fn every_layer_survives_a_file() {
     let scene = spheres(8);
-    let options = RenderOptions { recording: Recording::PerQuery, ..options() };
-    let frame = render(StrategyKind::Speer1985.bind(&scene).as_ref(), &options).unwrap();
-    let image = through_a_file(&image_of(&frame));
-    let names: Vec<_> = image.channels().iter().map(|channel| channel.name()).collect();
-    assert_eq!(names, ["R", "G", "B", "coherent", "rays"]);
-    let rays: u64 = frame.rays.unwrap().iter().map(|&rays| u64::from(rays)).sum();
+    let options = RenderOptions { layers: Layers::ALL, ..options() };
+    let mut frame = render(StrategyKind::Speer1985.bind(&scene).as_ref(), &options).unwrap();
+    let exact = render(StrategyKind::Standard.bind(&scene).as_ref(), &options).unwrap();
+    frame.mark_wrong(&exact);
+    let image = rayset::image_of(&frame, ChannelNames::Layered, &[]).unwrap();
+    let image = through_a_file(&image);
+    let layers: Vec<_> = image
+        .layers()
+        .iter()
+        .map(|layer| {
+            let components = layer.channels.iter().map(|channel| match channel.samples() {
+                Samples::F32(_) => format!("{} float", channel.component()),
+                Samples::U32(_) => format!("{} uint", channel.component()),
+            });
+            format!("{}: {}", layer.name, components.collect::<Vec<_>>().join(", "))
+        })
+        .collect();
+    insta::assert_snapshot!(layers.join("\n"));
+    let rays: u64 = ["initial", "reflected", "refracted", "shadow"]
+        .iter()
+        .flat_map(|kind| frame.integers(&format!("rays.{kind}")).unwrap())
+        .map(|&rays| u64::from(rays))
+        .sum();
     assert_eq!(rays, frame.counts.total().cast, "every ray belongs to one pixel");
+    let wrong: u32 = frame.integers("wrong.1985").unwrap().iter().sum();
+    assert_eq!(wrong as usize, frame.differing_pixels(&exact));
 }
 
 #[test]
@@ -110,7 +123,7 @@ fn recording_changes_no_pixel_and_no_count() {
     for &kind in StrategyKind::ALL {
         let strategy = kind.bind(&scene);
         let plain = render(strategy.as_ref(), &options()).unwrap();
-        let options = RenderOptions { recording: Recording::PerQuery, ..options() };
+        let options = RenderOptions { layers: Layers::ALL, ..options() };
         let recorded = render(strategy.as_ref(), &options).unwrap();
         assert_eq!(plain.differing_pixels(&recorded), 0, "{kind}");
         assert_eq!(plain.stats, recorded.stats, "{kind}");

@@ -37,6 +37,15 @@ impl StrategyKind {
         }
     }
 
+    /// Whether every answer is the least hit; see [`IntersectionStrategy::is_exact`].
+    #[must_use]
+    pub fn is_exact(self) -> bool {
+        match self {
+            Self::Standard => true,
+            Self::Speer1985 => false,
+        }
+    }
+
     /// Binds the strategy to a scene, on the lanes of [`Backend::active`].
     #[must_use]
     pub fn bind(self, scene: &Scene) -> Box<dyn IntersectionStrategy + '_> {
@@ -82,12 +91,17 @@ impl std::error::Error for UnknownStrategy {}
 
 #[cfg(test)]
 mod tests {
+    use rayset_scene::SceneBuilder;
+
     use super::*;
 
     #[test]
     fn every_strategy_is_known_by_its_name() {
         for &kind in StrategyKind::ALL {
             assert_eq!(kind.name().parse(), Ok(kind));
+            let scene = SceneBuilder::new().build().unwrap();
+            let bound = kind.bind(&scene);
+            assert_eq!((bound.name(), bound.is_exact()), (kind.name(), kind.is_exact()));
         }
         let error = "octree".parse::<StrategyKind>().unwrap_err();
         assert_eq!(error.to_string(), "`octree` is no strategy; there are standard, speer-1985");

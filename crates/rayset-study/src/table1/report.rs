@@ -3,11 +3,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use rayset::{ChannelNames, image_of};
 use rayset_image::{Image, to_srgb8, write_exr, write_false_colour_png, write_png_rgb8};
 
 use super::plot;
 use super::results::{ModelReport, Pictures, Row, StrategyRow, Table1};
-use crate::{StudyError, image_of, write_file};
+use crate::{StudyError, write_file};
 
 const SPEER: &str = "speer-1985";
 
@@ -434,12 +435,12 @@ fn write_pictures(folder: &Path, pictures: &Pictures, table: &Table1) -> Result<
             ("max_depth", &depth),
             ("cutoff", &cutoff),
         ];
-        let image = image_of(frame, &provenance)?;
+        let image = image_of(frame, ChannelNames::Plain, &provenance)?;
         let stem = format!("{}-{strategy}", pictures.scene);
         write_exr(&folder.join(format!("{stem}.exr")), &image)?;
         let path = folder.join(format!("{stem}.png"));
         write_png_rgb8(&path, image.width(), image.height(), &to_srgb8(&image, 0.0)?)?;
-        write_false_colour_png(&folder.join(format!("{stem}-coherent.png")), &image, "coherent", 0.0, 1.0)?;
+        write_false_colour_png(&folder.join(format!("{stem}-coherent.png")), &image, "coherent.all", 0.0, 1.0)?;
         match &first {
             None => first = Some(image),
             Some(standard) => {

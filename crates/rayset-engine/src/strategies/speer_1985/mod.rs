@@ -79,6 +79,7 @@ impl IntersectionStrategy for Speer1985<'_> {
             light_tree: RetainedTree::default(),
             partition: Partition::default(),
             stats: Stats::default(),
+            certificate_radius: 0.0,
         })
     }
 }
@@ -92,6 +93,8 @@ struct Speer1985Tracer<'s> {
     light_tree: RetainedTree,
     partition: Partition,
     stats: Stats,
+    /// Of the query answered last.
+    certificate_radius: f64,
 }
 
 /// What the guide of a ray led to.
@@ -115,6 +118,7 @@ impl LaneTracer for Speer1985Tracer<'_> {
                 if self.options.audit && hit != self.audit(simd, &probe, departure) {
                     self.stats.coherence[kind].wrong += 1;
                 }
+                self.certificate_radius = guide.map_or(0.0, |guide| guide.zone.radius);
                 inherit(&mut self.tree, place, query.ray_set, self.options.inheritance);
                 return hit;
             }
@@ -135,6 +139,7 @@ impl LaneTracer for Speer1985Tracer<'_> {
             zone: self.build_cylinder(&query.ray, length, query.originating),
             predicted,
         });
+        self.certificate_radius = entry.map_or(0.0, |entry| entry.zone.radius);
         self.tree.set(place, entry);
         hit
     }
@@ -153,6 +158,7 @@ impl LaneTracer for Speer1985Tracer<'_> {
                     let hit = self.audit(simd, &probe, departure);
                     self.stats.coherence[kind].wrong += u64::from(hit.is_some() != blocker.is_some());
                 }
+                self.certificate_radius = guide.map_or(0.0, |guide| guide.zone.radius);
                 inherit(&mut self.light_tree, place, query.ray_set, self.options.inheritance);
                 return blocker.is_some();
             }
@@ -176,6 +182,7 @@ impl LaneTracer for Speer1985Tracer<'_> {
             zone: self.build_cylinder(&query.ray, length, originating),
             predicted: blocker.map(|blocker| scene.location(blocker.primitive).volume),
         });
+        self.certificate_radius = entry.map_or(0.0, |entry| entry.zone.radius);
         self.light_tree.set(place, entry);
         blocker.is_some()
     }
@@ -186,6 +193,10 @@ impl LaneTracer for Speer1985Tracer<'_> {
 
     fn lane_recording(&self) -> Recording {
         self.recording
+    }
+
+    fn lane_certificate_radius(&self) -> f64 {
+        self.certificate_radius
     }
 
     fn backend(&self) -> Backend {

@@ -1,0 +1,155 @@
+//! Where the initial rays of an image go, and to which pixel each belongs.
+
+use rayset_geometry::Ray;
+use rayset_scene::{Camera, Color};
+
+/// Where initial rays pass through the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum EyeRays {
+    /// Through the middles of a regular grid of `samples` by `samples` cells in every pixel; their mean is its colour.
+    Centers {
+        /// How many a side; at least 1.
+        samples: u32,
+    },
+    /// Through the corners of the pixels, one more than there are pixels each way; the mean of its four corners is a
+    /// pixel's colour, as in the standard scenes' test conditions. What has no mean is that of the upper left one.
+    Corners,
+}
+
+impl Default for EyeRays {
+    /// One ray through the middle of every pixel.
+    fn default() -> Self {
+        Self::Centers { samples: 1 }
+    }
+}
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Crop {
+    /// The first column.
+    pub x: u32,
+    /// The first row, from the top.
+    pub y: u32,
+    /// Columns; at least 1.
+    pub width: u32,
+    /// Rows; at least 1.
+    pub height: u32,
+}
+
+/// The grid of initial rays of a crop of an image.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grid {
+    /// The pixels of the whole image.
+    pub(crate) image: (u32, u32),
+    pub(crate) crop: Crop,
+    pub(crate) eye_rays: EyeRays,
+}
+
+impl Grid {
+    /// Rays across.
+    pub(crate) fn width(&self) -> u64 {
+        self.along(self.crop.width)
+    }
+
+    /// Rays down.
+    pub(crate) fn height(&self) -> u64 {
+        self.along(self.crop.height)
+    }
+
+    fn along(&self, pixels: u32) -> u64 {
+        match self.eye_rays {
+            EyeRays::Centers { samples } => u64::from(pixels) * u64::from(samples),
+            EyeRays::Corners => u64::from(pixels) + 1,
+        }
+    }
+
+    /// Rows of rays that must stay together: those of one row of pixels.
+    pub(crate) fn rows_of_a_pixel(&self) -> u32 {
+        match self.eye_rays {
+            EyeRays::Centers { samples } => samples,
+            EyeRays::Corners => 1,
+        }
+    }
+
+    /// The ray at a place of the grid.
+    pub(crate) fn ray(&self, camera: &Camera, (x, y): (u32, u32)) -> Ray {
+        let place = |ray: u32, first: u32| match self.eye_rays {
+            EyeRays::Centers { samples } => f64::from(first) + (f64::from(ray) + 0.5) / f64::from(samples),
+            EyeRays::Corners => f64::from(first + ray),
+        };
+        camera.ray(place(x, self.crop.x), place(y, self.crop.y), self.image.0, self.image.1)
+    }
+
+    /// The pixel of the crop that counts the ray as its own, and whether it is the pixel's first.
+    pub(crate) fn owner(&self, (x, y): (u32, u32)) -> Option<(usize, bool)> {
+        let (pixel, is_first) = match self.eye_rays {
+            EyeRays::Centers { samples } => {
+                ((x / samples, y / samples), x % samples == 0 && y % samples == 0)
+            }
+            EyeRays::Corners => ((x, y), true),
+        };
+        let is_inside = pixel.0 < self.crop.width && pixel.1 < self.crop.height;
+        is_inside.then(|| (pixel.1 as usize * self.crop.width as usize + pixel.0 as usize, is_first))
+    }
+
+    /// The colour of a pixel in a run of whole rows of rays that begins with the pixel's own; rays are added row by
+    /// row, whatever the order in which they were traced.
+    pub(crate) fn mean(&self, radiance: &[Color], (x, y): (usize, usize)) -> Color {
+        let width = self.along(self.crop.width) as usize;
+        let (side, stride) = match self.eye_rays {
+            EyeRays::Centers { samples: 1 } => return radiance[y * width + x],
+            EyeRays::Centers { samples } => (samples as usize, samples as usize),
+            EyeRays::Corners => (2, 1),
+        };
+        let mut sum = Color::ZERO;
+        for row in radiance[y * stride * width..].chunks(width).take(side) {
+            for color in &row[x * stride..x * stride + side] {
+                sum += *color;
+            }
+        }
+        sum / (side * side) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::float_cmp, reason = "numbers that no rounding touches")]
+
+    use rayset_geometry::glam::DVec3;
+
+    use super::*;
+
+    fn grid(eye_rays: EyeRays) -> Grid {
+        Grid { image: (8, 6), crop: Crop { x: 2, y: 1, width: 3, height: 2 }, eye_rays }
+    }
+
+    #[test]
+    fn corners_are_one_more_each_way_and_shared() {
+        let corners = grid(EyeRays::Corners);
+        assert_eq!((corners.width(), corners.height()), (4, 3));
+        let camera = Camera::default();
+        assert_eq!(corners.ray(&camera, (1, 2)), camera.ray(3.0, 3.0, 8, 6));
+        assert_eq!(corners.owner((2, 1)), Some((5, true)));
+        assert_eq!(corners.owner((3, 1)), None);
+        let radiance: Vec<Color> = (0..12).map(|i| DVec3::splat(f64::from(i))).collect();
+        assert_eq!(corners.mean(&radiance, (1, 1)).x, f64::from(5 + 6 + 9 + 10) / 4.0);
+    }
+
+    #[test]
+    fn samples_fill_the_pixel_evenly() {
+        let fine = grid(EyeRays::Centers { samples: 2 });
+        assert_eq!((fine.width(), fine.height()), (6, 4));
+        let camera = Camera::default();
+        assert_eq!(fine.ray(&camera, (1, 2)), camera.ray(2.75, 2.25, 8, 6));
+        assert_eq!(fine.owner((3, 2)), Some((4, false)));
+        assert_eq!(fine.owner((2, 2)), Some((4, true)));
+        let radiance: Vec<Color> = (0..24).map(|i| DVec3::splat(f64::from(i))).collect();
+        assert_eq!(fine.mean(&radiance, (2, 1)).x, f64::from(16 + 17 + 22 + 23) / 4.0);
+    }
+
+    #[test]
+    fn crop_shows_the_rays_of_the_whole_image() {
+        let camera = Camera::default();
+        assert_eq!(grid(EyeRays::default()).ray(&camera, (0, 1)), camera.ray(2.5, 2.5, 8, 6));
+    }
+}
