@@ -2,10 +2,12 @@
 #![expect(clippy::print_stdout, reason = "a command prints its results")]
 
 mod bless;
+mod fuzz;
 mod golden;
 mod project;
 mod regress;
 mod repro_table1;
+mod standard_scenes;
 mod test;
 mod tidy;
 
@@ -36,6 +38,10 @@ enum Task {
     Regress,
     /// Accepts what is rendered now: writes goldens, snapshots, docs/table1.md, and the README's picture and table.
     Bless(bless::Options),
+    /// Counts the rays of the standard scenes and compares them with those that are published.
+    StandardScenes(standard_scenes::Options),
+    /// Fuzzes the readers of OBJ, MTL, NFF and scene files.
+    Fuzz(fuzz::Options),
     /// Checks the layers: which crate may depend on which, and where `unsafe` may stand.
     Tidy,
 }
@@ -64,6 +70,8 @@ fn run(task: &Task) -> Outcome {
         Task::Test(options) => test::run(options),
         Task::Regress => regress::run(),
         Task::Bless(options) => bless::run(options),
+        Task::StandardScenes(options) => standard_scenes::run(options),
+        Task::Fuzz(options) => fuzz::run(options),
         Task::Tidy => tidy::run(),
     }
 }

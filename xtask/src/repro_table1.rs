@@ -85,7 +85,7 @@ impl Options {
             plan.mesh_repetitions = usize::from(repetitions);
         }
         if self.no_meshes {
-            plan.mesh_resolutions = [0; 3];
+            plan.mesh_resolutions = [0; 4];
         }
         plan.resolution = self.resolution.unwrap_or(plan.resolution);
         plan.max_depth = self.depth.unwrap_or(plan.max_depth);

@@ -16,7 +16,7 @@ const LAYERS: &[(&str, &[&str], &[&str])] = &[
     (
         "rayset-scene",
         &["rayset-geometry"],
-        &["earcut", "flate2", "libm", "rand_chacha", "serde", "strsim", "thiserror", "tobj", "toml"],
+        &["earcut", "flate2", "libm", "rand_chacha", "strsim", "thiserror", "tobj", "toml"],
     ),
     ("rayset-engine", &["rayset-geometry", "rayset-scene", "rayset-simd"], &["libm", "rayon"]),
     ("rayset-image", &[], &["exr", "image", "libm", "thiserror"]),

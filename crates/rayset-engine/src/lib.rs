@@ -51,7 +51,7 @@ pub use sampling::{Crop, EyeRays};
 pub use shading::shade;
 pub use stats::{CoherenceCounts, Stats, Work};
 pub use strategies::{
-    BlockerRule, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,
+    BlockerRule, Coherent, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,
     Speer1985, Speer1985Options, Standard, StrategyKind, UnknownReading, UnknownStrategy,
 };
 pub use strategy::{IntersectionStrategy, Recording, Tracer};

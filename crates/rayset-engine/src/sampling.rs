@@ -74,7 +74,9 @@ impl Grid {
     /// The ray at a place of the grid.
     pub(crate) fn ray(&self, camera: &Camera, (x, y): (u32, u32)) -> Ray {
         let place = |ray: u32, first: u32| match self.eye_rays {
-            EyeRays::Centers { samples } => f64::from(first) + (f64::from(ray) + 0.5) / f64::from(samples),
+            EyeRays::Centers { samples } => {
+                (f64::from(first) * f64::from(samples) + f64::from(ray) + 0.5) / f64::from(samples)
+            }
             EyeRays::Corners => f64::from(first + ray),
         };
         camera.ray(place(x, self.crop.x), place(y, self.crop.y), self.image.0, self.image.1)

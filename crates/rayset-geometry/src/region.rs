@@ -118,6 +118,19 @@ impl VolumeColumns {
         self.len == 0
     }
 
+    /// A volume.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such volume.
+    #[must_use]
+    #[inline]
+    pub fn sphere(&self, index: usize) -> BoundingSphere {
+        let [x, y, z, radius] = &self.columns;
+        let center = DVec3::new(x[..self.len][index], y[index], z[index]);
+        BoundingSphere { center, radius: radius[index] }
+    }
+
     /// The radius of a volume, in world units.
     ///
     /// # Panics
@@ -129,6 +142,20 @@ impl VolumeColumns {
         self.columns[3][..self.len][index]
     }
 
+    /// The centres and radii of the volumes `i`, `i + 1`, ... as many as there are lanes; past the end they are zero.
+    #[inline(always)]
+    pub(crate) fn load<S: Simd>(&self, simd: S, i: usize) -> ([S::F64; 3], S::F64) {
+        let [x, y, z, radius] = &self.columns;
+        let center = [simd.load_f64(&x[i..]), simd.load_f64(&y[i..]), simd.load_f64(&z[i..])];
+        (center, simd.load_f64(&radius[i..]))
+    }
+
+    /// A bit for each of `lanes` volumes from `i` on that there is.
+    #[inline(always)]
+    pub(crate) fn real(&self, lanes: usize, i: usize) -> u32 {
+        (1_u32 << lanes.min(self.len - i)) - 1
+    }
+
     /// Classifies the volumes `i`, `i + 1`, ... as many as there are lanes; those past the end are in no set.
     ///
     /// With `b = (c - o) . d` and `l = (c - o) - b d`: in B when `b < -r`, in I when the half-line passes within `r`
@@ -138,9 +165,7 @@ impl VolumeColumns {
     #[inline(always)]
     pub fn classify<S: Simd>(&self, simd: S, ray: &RayLanes<S>, slack: f64, i: usize) -> VolumeLanes<S::F64> {
         let (o, d) = (&ray.origin, &ray.direction);
-        let [x, y, z, radius] = &self.columns;
-        let (x, y, z) = (simd.load_f64(&x[i..]), simd.load_f64(&y[i..]), simd.load_f64(&z[i..]));
-        let radius = simd.load_f64(&radius[i..]);
+        let ([x, y, z], radius) = self.load(simd, i);
         let oc = [x - o[0], y - o[1], z - o[2]];
         let along = oc[0] * d[0] + oc[1] * d[1] + oc[2] * d[2];
         let l = [oc[0] - along * d[0], oc[1] - along * d[1], oc[2] - along * d[2]];
@@ -151,10 +176,7 @@ impl VolumeColumns {
         let holds_origin = (oc[0] * oc[0] + oc[1] * oc[1] + oc[2] * oc[2]).le(reach_squared);
         let intersected = lateral_squared.le(reach_squared) & (along.ge(zero) | holds_origin);
         let behind = along.lt(-reach);
-        let real = match self.len - i {
-            left if left < S::F64::LANES => (1_u32 << left) - 1,
-            _ => u32::MAX,
-        };
+        let real = self.real(S::F64::LANES, i);
         VolumeLanes {
             intersected: (intersected & !behind).bits() & real,
             not_intersected: (!(intersected | behind)).bits() & real,

@@ -21,7 +21,9 @@
 mod builder;
 mod camera;
 mod error;
+mod folder;
 mod ids;
+mod layout;
 mod light;
 mod lines;
 mod load;
@@ -30,10 +32,13 @@ mod nff;
 #[cfg(feature = "obj")]
 mod obj;
 mod part;
+mod patch;
 mod scene;
 mod spheres;
 #[cfg(feature = "toml")]
 mod toml;
+#[cfg(any(feature = "obj", feature = "toml"))]
+mod view;
 mod warnings;
 
 pub use builder::{MAX_COORDINATE, SceneBuilder};
@@ -43,16 +48,17 @@ pub use ids::{LightId, MaterialId, ObjectId, PrimitiveId, VolumeId};
 pub use light::{Illumination, Light};
 pub use load::{Limits, LoadOptions, LoadedScene, load_scene};
 pub use material::{Color, Material};
-pub use nff::load_nff;
+pub use nff::{load_nff, read_nff};
 #[cfg(feature = "obj")]
-pub use obj::{ObjGroup, ObjModel, load_obj};
+pub use obj::{MtlLibrary, ObjGroup, ObjModel, load_obj, read_mtl, read_obj};
 pub use part::Part;
+pub use patch::Patch;
 pub use rayset_geometry as geometry;
 pub use rayset_geometry::glam;
 pub use scene::{Object, PrimitiveLocation, Scene, SurfacePoint};
 pub use spheres::{RandomSpheres, SphereSize};
 #[cfg(feature = "toml")]
-pub use toml::load_toml;
+pub use toml::{load_toml, read_toml};
 
 #[cfg(all(doctest, feature = "obj"))]
 #[doc = include_str!("../README.md")]

@@ -12,6 +12,8 @@ pub struct LoadOptions {
     /// See [`SceneBuilder::max_volume_primitives`](crate::SceneBuilder::max_volume_primitives); `None` for what the
     /// file says, and one volume an object if it says nothing.
     pub max_volume_primitives: Option<u32>,
+    /// Whether surfaces of NFF files are hit from both sides even where the format says one.
+    pub two_sided: bool,
     /// How much a file may ask for.
     pub limits: Limits,
 }

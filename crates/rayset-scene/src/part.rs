@@ -12,7 +12,7 @@ pub struct Part {
     pub sides: Sides,
     /// A normal for each vertex of a triangle, in world space; they shade the surface and never move a hit.
     ///
-    /// They need not have unit length.
+    /// They need not have unit length. For polygons with normals there is [`Patch`](crate::Patch).
     pub normals: Option<[DVec3; 3]>,
 }
 

@@ -3,9 +3,14 @@
 use std::ops::Range;
 
 use rayset_geometry::glam::DVec3;
-use rayset_geometry::{BoundingSphere, ColumnRun, PrimitiveColumns, PrimitiveKind, VolumeColumns, unit};
+use rayset_geometry::{
+    BoundingBox, BoundingSphere, ColumnRun, PrimitiveColumns, PrimitiveKind, VolumeColumns, unit,
+};
 
-use crate::{Camera, Color, Light, LightId, Material, MaterialId, ObjectId, PrimitiveId, VolumeId};
+use crate::patch::PatchNormals;
+use crate::{
+    Camera, Color, Light, LightId, Material, MaterialId, ObjectId, PrimitiveId, SceneError, VolumeId,
+};
 
 /// Primitives with one material, under bounding volumes.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,7 +64,9 @@ pub struct Scene {
     pub(crate) vertex_normals: Vec<[DVec3; 3]>,
     /// By triangle index; `u32::MAX` for none. Empty if no triangle has normals.
     pub(crate) vertex_normal_index: Vec<u32>,
+    pub(crate) patches: PatchNormals,
     pub(crate) extent: f64,
+    pub(crate) bounds: BoundingBox,
 }
 
 impl Scene {
@@ -67,6 +74,23 @@ impl Scene {
     #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.camera
+    }
+
+    /// The same scene seen by another camera.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::Invalid`] if the viewpoint lies beyond [`MAX_COORDINATE`](crate::MAX_COORDINATE).
+    pub fn with_camera(mut self, camera: Camera) -> Result<Self, SceneError> {
+        camera.check()?;
+        self.camera = camera;
+        Ok(self)
+    }
+
+    /// The smallest box that holds all primitives, in world space; empty if there are none.
+    #[must_use]
+    pub fn bounds(&self) -> BoundingBox {
+        self.bounds
     }
 
     /// What a ray that hits nothing sees.
@@ -198,17 +222,20 @@ impl Scene {
     pub fn surface_at(&self, primitive: PrimitiveId, point: DVec3) -> SurfacePoint {
         let PrimitiveLocation { kind, index, .. } = self.location(primitive);
         let normal = self.primitives.normal_at(kind, index, point);
-        let vertex_normals = match kind {
-            PrimitiveKind::Triangle => self.vertex_normal_index.get(index as usize).copied(),
-            _ => None,
+        let interpolated = match kind {
+            PrimitiveKind::Triangle => self.triangle_normal_at(index, point),
+            PrimitiveKind::Polygon => self.patches.at(index, normal, point),
+            PrimitiveKind::Sphere | PrimitiveKind::Cone => None,
         };
-        let shading_normal = vertex_normals
-            .and_then(|i| self.vertex_normals.get(i as usize))
-            .and_then(|[a, b, c]| {
-                let [u, v, w] = self.primitives.triangle(index).barycentric(point);
-                unit(u * *a + v * *b + w * *c)
-            })
-            .unwrap_or(normal);
+        let shading_normal = interpolated.and_then(unit).unwrap_or(normal);
         SurfacePoint { normal, shading_normal }
+    }
+
+    /// The normal of any length between those of a triangle's vertices, if they have any.
+    fn triangle_normal_at(&self, index: u32, point: DVec3) -> Option<DVec3> {
+        let i = *self.vertex_normal_index.get(index as usize)?;
+        let [a, b, c] = self.vertex_normals.get(i as usize)?;
+        let [u, v, w] = self.primitives.triangle(index).barycentric(point);
+        Some(u * *a + v * *b + w * *c)
     }
 }

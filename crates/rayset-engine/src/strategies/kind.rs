@@ -6,7 +6,7 @@ use std::str::FromStr;
 use rayset_scene::Scene;
 use rayset_simd::Backend;
 
-use crate::{IntersectionStrategy, Speer1985, Speer1985Options, Standard};
+use crate::{Coherent, IntersectionStrategy, Speer1985, Speer1985Options, Standard};
 
 /// A strategy, not yet bound to a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -16,6 +16,8 @@ pub enum StrategyKind {
     Standard,
     /// [`Speer1985`] with its default options; the one strategy that is not exact.
     Speer1985,
+    /// [`Coherent`].
+    Coherent,
 }
 
 /// The text is not the name of a strategy.
@@ -26,7 +28,7 @@ pub struct UnknownStrategy {
 
 impl StrategyKind {
     /// Every strategy.
-    pub const ALL: &[Self] = &[Self::Standard, Self::Speer1985];
+    pub const ALL: &[Self] = &[Self::Standard, Self::Speer1985, Self::Coherent];
 
     /// The name by which options and reports know it.
     #[must_use]
@@ -34,6 +36,7 @@ impl StrategyKind {
         match self {
             Self::Standard => "standard",
             Self::Speer1985 => "speer-1985",
+            Self::Coherent => "coherent",
         }
     }
 
@@ -41,7 +44,7 @@ impl StrategyKind {
     #[must_use]
     pub fn is_exact(self) -> bool {
         match self {
-            Self::Standard => true,
+            Self::Standard | Self::Coherent => true,
             Self::Speer1985 => false,
         }
     }
@@ -57,6 +60,7 @@ impl StrategyKind {
     pub fn bind_on(self, scene: &Scene, backend: Backend) -> Box<dyn IntersectionStrategy + '_> {
         match self {
             Self::Standard => Box::new(Standard::on(scene, backend)),
+            Self::Coherent => Box::new(Coherent::on(scene, backend)),
             Self::Speer1985 => Box::new(Speer1985::on(scene, backend, Speer1985Options::default())),
         }
     }
@@ -104,6 +108,6 @@ mod tests {
             assert_eq!((bound.name(), bound.is_exact()), (kind.name(), kind.is_exact()));
         }
         let error = "octree".parse::<StrategyKind>().unwrap_err();
-        assert_eq!(error.to_string(), "`octree` is no strategy; there are standard, speer-1985");
+        assert_eq!(error.to_string(), "`octree` is no strategy; there are standard, speer-1985, coherent");
     }
 }

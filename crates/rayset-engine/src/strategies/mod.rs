@@ -1,10 +1,12 @@
 //! The intersection strategies.
 
+mod coherent;
 mod kind;
 mod partition;
 mod speer_1985;
 mod standard;
 
+pub use coherent::Coherent;
 pub use kind::{StrategyKind, UnknownStrategy};
 pub use speer_1985::{
     BlockerRule, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,

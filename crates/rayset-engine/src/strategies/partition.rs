@@ -1,6 +1,6 @@
 //! The partition of a region and the tests of what it leaves: shared by the strategies of the paper.
 
-use rayset_geometry::{Departure, PARTITION_MARGIN, Probe, RayLanes};
+use rayset_geometry::{ColumnRun, Departure, PARTITION_MARGIN, Probe, RayLanes};
 use rayset_scene::{Scene, VolumeId};
 use rayset_simd::{Lanes, Simd};
 
@@ -132,7 +132,29 @@ pub(super) fn nearest_in<S: Simd>(
     nearest
 }
 
-/// Whether any primitive of a volume is hit; the tests counted are those of a scalar loop that stops at the first.
+/// The first primitive of a volume, in the order of its runs, that is hit, as a run of one; the tests counted are those of
+/// a scalar loop that stops there.
+#[inline(always)]
+pub(super) fn first_in<S: Simd>(
+    scene: &Scene,
+    probe: &Probe<S>,
+    volume: VolumeId,
+    departure: Option<Departure>,
+    work: &mut Work,
+) -> Option<ColumnRun> {
+    for run in scene.volume_runs(volume) {
+        match scene.primitives().any(probe, run, departure) {
+            Some(hit) => {
+                work.primitive_tests += u64::from(hit.index + 1 - run.range.start);
+                return Some(ColumnRun { range: hit.index..hit.index + 1, ..run.clone() });
+            }
+            None => work.primitive_tests += u64::from(run.range.end - run.range.start),
+        }
+    }
+    None
+}
+
+/// Whether any primitive of a volume is hit.
 #[inline(always)]
 pub(super) fn any_in<S: Simd>(
     scene: &Scene,
@@ -141,14 +163,5 @@ pub(super) fn any_in<S: Simd>(
     departure: Option<Departure>,
     work: &mut Work,
 ) -> bool {
-    for run in scene.volume_runs(volume) {
-        match scene.primitives().any(probe, run, departure) {
-            Some(hit) => {
-                work.primitive_tests += u64::from(hit.index + 1 - run.range.start);
-                return true;
-            }
-            None => work.primitive_tests += u64::from(run.range.end - run.range.start),
-        }
-    }
-    false
+    first_in(scene, probe, volume, departure, work).is_some()
 }

@@ -15,8 +15,9 @@ pub struct Table1Plan {
     pub repetitions: usize,
     /// The side of the square images of spheres, in pixels.
     pub resolution: u32,
-    /// The sides of the images of the three mesh scenes; zero leaves a scene out.
-    pub mesh_resolutions: [u32; 3],
+    /// The sides of the images of the mesh scenes, in the order of [`mesh_scenes`](crate::mesh_scenes); zero leaves a
+    /// scene out.
+    pub mesh_resolutions: [u32; 4],
     /// How often each mesh frame is rendered with each strategy.
     pub mesh_repetitions: usize,
     /// The folder of fixtures, for the meshes.
@@ -64,7 +65,7 @@ impl Table1Plan {
             seeds: (1..=16).collect(),
             repetitions: 5,
             resolution: 512,
-            mesh_resolutions: [384, 160, 96],
+            mesh_resolutions: [384, 160, 96, 96],
             mesh_repetitions: 5,
             fixtures,
             backend: Backend::Scalar,
@@ -81,7 +82,7 @@ impl Table1Plan {
             seeds: (1..=4).collect(),
             repetitions: 3,
             resolution: 192,
-            mesh_resolutions: [128, 64, 40],
+            mesh_resolutions: [128, 64, 40, 40],
             mesh_repetitions: 3,
             ..Self::full(fixtures)
         }
