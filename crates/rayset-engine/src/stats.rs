@@ -5,10 +5,11 @@ use std::ops::{AddAssign, Sub};
 
 use crate::{ByKind, Histogram};
 
-/// Work, in counts that depend on strategy and options, and never on the number of threads or of lanes.
+/// Work, in counts that depend on strategy and options, and never on the number of threads.
 ///
-/// Those of `speer-1985` also depend on the pixel order and on where sweeps begin, since it keeps what it learnt.
-/// None depends on the bundle length.
+/// Those of `standard` depend on nothing else. Those of `speer-1985` also depend on the pixel order and on where sweeps
+/// begin, since it keeps what it learnt; those of `coherent` also on the bundle length, since the rays of a bundle
+/// share what they may spend, and on the number of lanes, which decides whether coherence is worth trying.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Work {
     /// Region partitions: the `k n` term of section 3 is one of them.
@@ -17,11 +18,12 @@ pub struct Work {
     pub volumes_classified: u64,
     /// Primitives tested for a hit, one at a time as a scalar loop would.
     pub primitive_tests: u64,
-    /// Pierce checks, of two point tests each.
+    /// Pierce checks of a cylinder, or whether a ray belongs to a pencil: two tests each.
     pub pierce_checks: u64,
-    /// Cylinders built.
+    /// Cylinders, or certificates, built.
     pub cylinders_built: u64,
-    /// Members of N looked at for the radius of a cylinder: the `lambda n` term of section 3.
+    /// Members of N looked at for the radius of a cylinder: the `lambda n` term of section 3. For a certificate, two for
+    /// every volume tested.
     pub radius_comparisons: u64,
 }
 

@@ -76,12 +76,15 @@ fn nothing_depends_on_bundles_threads_or_lanes() {
             let expected = frame(kind.bind(scene).as_ref(), &OPTIONS);
             for &backend in Backend::ALL {
                 let strategy = kind.bind_on(scene, backend);
-                // What coherence is worth, and so whether it is tried, depends on the lanes; nothing else does.
-                let stats = match kind {
-                    StrategyKind::Coherent => frame(strategy.as_ref(), &OPTIONS).stats,
-                    _ => expected.stats.clone(),
-                };
                 for bundle_len in [1, 7, 64, whole] {
+                    // Whether coherence is tried depends on the lanes, and on what the rays before have saved.
+                    let stats = match kind {
+                        StrategyKind::Coherent => {
+                            let options = RenderOptions { bundle_len: Some(bundle_len), ..OPTIONS };
+                            frame(strategy.as_ref(), &options).stats
+                        }
+                        _ => expected.stats.clone(),
+                    };
                     for pool in &pools {
                         let options = RenderOptions { bundle_len: Some(bundle_len), ..OPTIONS };
                         let actual = pool.install(|| frame(strategy.as_ref(), &options));
