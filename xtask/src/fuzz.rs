@@ -12,8 +12,9 @@ const COVERAGE: &str = "--cfg fuzzing -Ccodegen-units=1 -Cpasses=sancov-module \
     -Cllvm-args=-sanitizer-coverage-level=4 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters \
     -Cllvm-args=-sanitizer-coverage-pc-table -Cllvm-args=-sanitizer-coverage-trace-compares";
 
-/// No committed input is larger.
+/// The most bytes of an input that is tried, and of one that is kept in fixtures/fuzz.
 const MAX_BYTES: u32 = 4096;
+const MAX_KEPT_BYTES: u32 = 256;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -88,8 +89,8 @@ pub(crate) fn run(options: &Options) -> Outcome {
             remove(&fresh)?;
             fs::create_dir_all(&fresh)?;
             command
-                .arg("-merge=1")
-                .arg(format!("-max_len={MAX_BYTES}"))
+                .arg("-set_cover_merge=1")
+                .arg(format!("-max_len={MAX_KEPT_BYTES}"))
                 .arg(&fresh)
                 .arg(&corpus)
                 .arg(&committed);

@@ -97,7 +97,7 @@ impl Grid {
     /// The colour of a pixel in a run of whole rows of rays that begins with the pixel's own; rays are added row by
     /// row, whatever the order in which they were traced.
     pub(crate) fn mean(&self, radiance: &[Color], (x, y): (usize, usize)) -> Color {
-        let width = self.along(self.crop.width) as usize;
+        let width = usize::try_from(self.width()).expect("fewer than 2^32 rays");
         let (side, stride) = match self.eye_rays {
             EyeRays::Centers { samples: 1 } => return radiance[y * width + x],
             EyeRays::Centers { samples } => (samples as usize, samples as usize),

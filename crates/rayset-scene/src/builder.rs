@@ -227,8 +227,6 @@ fn within_range(point: DVec3) -> bool {
 
 #[cfg(test)]
 mod tests {
-    #![expect(clippy::float_cmp, reason = "numbers that no rounding touches")]
-
     use rayset_geometry::{Sphere, Triangle};
 
     use super::*;

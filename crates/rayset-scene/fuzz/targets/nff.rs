@@ -1,13 +1,8 @@
-//! A scene in the Neutral File Format.
+//! Fuzzes the reader of NFF.
 #![no_main]
 
-use std::path::Path;
+#[path = "../../tests/readers/mod.rs"]
+#[expect(dead_code, reason = "one target calls one of them")]
+mod readers;
 
-use libfuzzer_sys::fuzz_target;
-use rayset_scene::{LoadOptions, read_nff};
-
-fuzz_target!(|data: &[u8]| {
-    let mut options = LoadOptions::default();
-    options.limits.memory_bytes = 64 << 20;
-    let _ = read_nff(data, Path::new("fuzz.nff"), &options);
-});
+libfuzzer_sys::fuzz_target!(|data: &[u8]| readers::nff(data));

@@ -1,14 +1,8 @@
-//! A scene file; what it refers to is not there.
+//! Fuzzes the reader of TOML.
 #![no_main]
 
-use std::path::Path;
+#[path = "../../tests/readers/mod.rs"]
+#[expect(dead_code, reason = "one target calls one of them")]
+mod readers;
 
-use libfuzzer_sys::fuzz_target;
-use rayset_scene::{LoadOptions, read_toml};
-
-fuzz_target!(|text: &str| {
-    let mut options = LoadOptions::default();
-    options.limits.memory_bytes = 16 << 20;
-    options.limits.faces = 10_000;
-    let _ = read_toml(text, Path::new("/nonexistent/fuzz.toml"), &options);
-});
+libfuzzer_sys::fuzz_target!(|data: &[u8]| readers::toml(data));
