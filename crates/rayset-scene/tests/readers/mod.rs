@@ -6,7 +6,7 @@ use std::path::Path;
 use rayset_scene::{LoadOptions, read_nff, read_obj, read_toml};
 
 /// An OBJ file, and after a zero byte the library that every `mtllib` finds.
-pub fn obj(data: &[u8]) {
+pub(crate) fn obj(data: &[u8]) {
     let mut parts = data.splitn(2, |&byte| byte == 0);
     let obj = parts.next().unwrap_or_default();
     let library = parts.next().unwrap_or_default().to_vec();
@@ -18,11 +18,7 @@ pub fn obj(data: &[u8]) {
 }
 
 /// A material library, named by an OBJ file of one triangle, which is there whatever the library holds.
-///
-/// # Panics
-///
-/// If it is not.
-pub fn mtl(data: &[u8]) {
+pub(crate) fn mtl(data: &[u8]) {
     const OBJ: &[u8] = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n";
     let options = LoadOptions::default();
     let model = read_obj(OBJ, Path::new("fuzz.obj"), &options, |_| open(data));
@@ -31,14 +27,14 @@ pub fn mtl(data: &[u8]) {
 }
 
 /// A scene in the Neutral File Format.
-pub fn nff(data: &[u8]) {
+pub(crate) fn nff(data: &[u8]) {
     let mut options = LoadOptions::default();
     options.limits.memory_bytes = 64 << 20;
     let _ = read_nff(data, Path::new("fuzz.nff"), &options);
 }
 
 /// A scene file; what it refers to is not there.
-pub fn toml(data: &[u8]) {
+pub(crate) fn toml(data: &[u8]) {
     let mut options = LoadOptions::default();
     options.limits.memory_bytes = 16 << 20;
     options.limits.faces = 10_000;
