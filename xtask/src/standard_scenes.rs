@@ -28,6 +28,13 @@ pub(crate) struct Options {
     bless: bool,
 }
 
+impl Options {
+    /// All scenes at the published resolution.
+    pub(crate) fn all() -> Self {
+        Self { resolution: PUBLISHED_RESOLUTION, scene: None, bless: false }
+    }
+}
+
 /// The side of the images whose counts are published.
 const PUBLISHED_RESOLUTION: u32 = 512;
 

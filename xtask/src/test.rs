@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::{Outcome, project, regress, tidy};
+use crate::{Outcome, project, regress, standard_scenes, tidy};
 
 /// The libraries with features that can be turned off.
 const WITH_FEATURES: [&str; 4] = ["rayset-scene", "rayset-engine", "rayset-image", "rayset"];
@@ -12,7 +12,8 @@ const WITH_FEATURES: [&str; 4] = ["rayset-scene", "rayset-engine", "rayset-image
   cargo xtask test
   cargo xtask test --full")]
 pub(crate) struct Options {
-    /// Traces the 10^8 rays of the watertightness test too: some minutes more.
+    /// Counts the rays of the standard scenes at full size and traces the 10^8 rays of the watertightness test too:
+    /// some minutes more.
     #[arg(long)]
     full: bool,
 }
@@ -43,6 +44,7 @@ pub(crate) fn run(options: &Options) -> Outcome {
     step("layers", tidy::run)?;
     step("golden images", regress::run)?;
     if options.full {
+        step("ray counts of the standard scenes", || standard_scenes::run(&standard_scenes::Options::all()))?;
         step("10^8 rays at edges and vertices", || {
             let mut test = project::cargo(&[
                 "test",
