@@ -14,7 +14,7 @@ const COVERAGE: &str = "--cfg fuzzing -Ccodegen-units=1 -Cpasses=sancov-module \
 
 /// The most bytes of an input that is tried, and of one that is kept in fixtures/fuzz.
 const MAX_BYTES: u32 = 4096;
-const MAX_KEPT_BYTES: u32 = 256;
+const MAX_KEPT_BYTES: u32 = 192;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -89,7 +89,7 @@ pub(crate) fn run(options: &Options) -> Outcome {
             remove(&fresh)?;
             fs::create_dir_all(&fresh)?;
             command
-                .arg("-set_cover_merge=1")
+                .args(["-set_cover_merge=1", "-use_counters=0", "-use_value_profile=0"])
                 .arg(format!("-max_len={MAX_KEPT_BYTES}"))
                 .arg(&fresh)
                 .arg(&corpus)

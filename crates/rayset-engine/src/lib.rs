@@ -49,6 +49,8 @@ pub use rayset_simd::Backend;
 pub use render::{Observer, Progress, RenderError, RenderOptions, render, render_observed};
 pub use sampling::{Crop, EyeRays};
 pub use shading::shade;
+#[cfg(feature = "mutations")]
+pub use strategies::Condition;
 pub use stats::{CoherenceCounts, Stats, Work};
 pub use strategies::{
     BlockerRule, Coherent, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,

@@ -56,9 +56,7 @@ impl Pencil {
     /// `slack` is [`PENCIL_MARGIN`] times the largest coordinate of the axis and of the scene.
     #[must_use]
     pub fn clears(&self, volume: &BoundingSphere, slack: f64) -> bool {
-        let lanes = PencilLanes::splat(Scalar, self, slack);
-        let center = map3(volume.center.to_array(), |x| Scalar.splat_f64(x));
-        lanes.clear(center, Scalar.splat_f64(volume.radius)).bits() != 0
+        PencilLanes::splat(Scalar, self, slack).clears(volume)
     }
 }
 
@@ -104,6 +102,14 @@ impl<S: Simd> PencilLanes<S> {
     pub fn touched(&self, volumes: &VolumeColumns, i: usize) -> u32 {
         let (center, radius) = volumes.load(self.simd, i);
         !self.clear(center, radius).bits() & volumes.real(S::F64::LANES, i)
+    }
+
+    /// [`Pencil::clears`] for the pencil and slack these lanes were made from.
+    #[must_use]
+    #[inline(always)]
+    pub fn clears(&self, volume: &BoundingSphere) -> bool {
+        let center = map3(volume.center.to_array(), |x| self.simd.splat_f64(x));
+        self.clear(center, self.simd.splat_f64(volume.radius)).bits() & 1 != 0
     }
 
     #[inline(always)]

@@ -7,6 +7,8 @@ mod speer_1985;
 mod standard;
 
 pub use coherent::Coherent;
+#[cfg(feature = "mutations")]
+pub use coherent::Condition;
 pub use kind::{StrategyKind, UnknownStrategy};
 pub use speer_1985::{
     BlockerRule, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,

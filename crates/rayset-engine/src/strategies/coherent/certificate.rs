@@ -1,8 +1,10 @@
 //! Certificates: a pencil of rays, and the few volumes that such rays can meet.
 
-use rayset_geometry::{BoundingSphere, PENCIL_MARGIN, Pencil, PencilLanes};
+use rayset_geometry::{Pencil, PencilLanes};
 use rayset_scene::{PrimitiveId, Scene, VolumeId};
-use rayset_simd::{Lanes, Simd};
+use rayset_simd::{Lanes, Scalar, Simd};
+
+use super::condition::{Condition, Omitted};
 
 /// The most volumes that are tested for every ray beside the predicted one.
 pub(super) const MAX_GUESTS: usize = 4;
@@ -11,7 +13,7 @@ pub(super) const MAX_GUESTS: usize = 4;
 const MAX_IN_THE_WAY: usize = 12;
 
 /// How many steps from one ray to the next a pencil is to reach, from the widest.
-pub(super) const REACHES: [f64; 5] = [32.0, 16.0, 8.0, 4.0, 2.0];
+pub(super) const REACHES: [f64; 3] = [32.0, 10.0, 3.0];
 
 /// The most tests that building a certificate takes: two a volume, and for those in the way two more at every reach.
 pub(super) fn build_cost(scene: &Scene) -> u64 {
@@ -35,9 +37,11 @@ pub(super) struct Certificate {
 impl Certificate {
     /// The volumes to be tested for every ray: the predicted one and the guests.
     #[inline(always)]
-    pub(super) fn to_test(&self) -> impl Iterator<Item = VolumeId> {
+    pub(super) fn volumes(&self, omitted: Omitted) -> impl Iterator<Item = VolumeId> + use<> {
         let guests = self.guests;
-        self.predicted.into_iter().chain(guests.into_iter().take(usize::from(self.n_guests)))
+        let n_guests = if omitted.is(Condition::Guests) { 0 } else { self.n_guests };
+        let predicted = self.predicted.filter(|_| !omitted.is(Condition::Predicted));
+        predicted.into_iter().chain(guests.into_iter().take(usize::from(n_guests)))
     }
 }
 
@@ -68,10 +72,15 @@ impl Plan {
 /// Volumes in the way of a pencil, each with the number of the first reach at which it is not.
 #[derive(Debug, Default)]
 pub(super) struct Builder {
+    omitted: Omitted,
     in_the_way: Vec<(usize, VolumeId)>,
 }
 
 impl Builder {
+    pub(super) fn new(omitted: Omitted) -> Self {
+        Self { omitted, in_the_way: Vec::new() }
+    }
+
     /// The certificate of the widest pencil there is room for, with as many guests as pay; counts the volumes tested.
     #[inline(always)]
     pub(super) fn build<S: Simd>(
@@ -82,9 +91,12 @@ impl Builder {
         n_tested: &mut u64,
     ) -> Option<Certificate> {
         let axis = plan.step.axis;
-        let volumes = scene.volumes();
-        let widest = plan.pencil(REACHES[0]);
-        let slack = PENCIL_MARGIN * (axis.origin().abs().max_element() + widest.spread + scene.extent());
+        let omitted = self.omitted;
+        let volumes = &*omitted.volumes(scene);
+        let pencil = |level: usize| omitted.pencil_of_volumes(plan.pencil(REACHES[level]));
+        let bounds = |volume: VolumeId| volumes.sphere(volume.index());
+        let widest = pencil(0);
+        let slack = omitted.margin() * (axis.origin().abs().max_element() + widest.spread + scene.extent());
         let left_out = [plan.predicted, plan.excluded.map(|(_, volume)| volume)];
         let mut level = 0;
         let mut lanes = PencilLanes::splat(simd, &widest, slack);
@@ -104,27 +116,38 @@ impl Builder {
                     if level == REACHES.len() {
                         return None;
                     }
-                    let narrower = plan.pencil(REACHES[level]);
+                    let narrower = pencil(level);
                     lanes = PencilLanes::splat(simd, &narrower, slack);
                     *n_tested += self.in_the_way.len() as u64;
-                    self.in_the_way.retain(|&(_, volume)| !narrower.clears(&bounds(scene, volume), slack));
+                    self.in_the_way.retain(|&(_, volume)| !narrower.clears(&bounds(volume), slack));
                 }
             }
         }
         // At which reach does each get out of the way?
-        for (first_clear, volume) in &mut self.in_the_way {
-            *first_clear = level;
-            let sphere = bounds(scene, *volume);
-            while *first_clear < REACHES.len() && !plan.pencil(REACHES[*first_clear]).clears(&sphere, slack) {
-                *n_tested += 1;
-                *first_clear += 1;
+        if !self.in_the_way.is_empty() {
+            let lanes: [_; REACHES.len()] =
+                std::array::from_fn(|level| PencilLanes::splat(Scalar, &pencil(level), slack));
+            for (first_clear, volume) in &mut self.in_the_way {
+                *first_clear = level;
+                let sphere = bounds(*volume);
+                while *first_clear < REACHES.len() && !lanes[*first_clear].clears(&sphere) {
+                    *n_tested += 1;
+                    *first_clear += 1;
+                }
             }
+        }
+        if omitted.is(Condition::InTheWay) {
+            self.in_the_way.retain(|&(first_clear, _)| first_clear < REACHES.len());
         }
         self.in_the_way.sort_unstable_by(|a, b| b.cmp(a));
         let never = self.in_the_way.partition_point(|&(first_clear, _)| first_clear == REACHES.len());
         if never > MAX_GUESTS {
-            return None;
+            if !omitted.is(Condition::TooMany) {
+                return None;
+            }
+            self.in_the_way.drain(MAX_GUESTS..never);
         }
+        let never = never.min(MAX_GUESTS);
         // One more guest where that widens the pencil.
         let n_guests = if never < MAX_GUESTS { (never + 1).min(self.in_the_way.len()) } else { never };
         let level = self.in_the_way.get(n_guests).map_or(level, |&(first_clear, _)| first_clear);
@@ -146,8 +169,4 @@ impl Builder {
 #[expect(clippy::cast_possible_truncation, reason = "a scene has fewer than 2^32 volumes")]
 fn volume(i: usize, lane: u32) -> VolumeId {
     VolumeId(i as u32 + lane)
-}
-
-fn bounds(scene: &Scene, volume: VolumeId) -> BoundingSphere {
-    scene.volumes().sphere(volume.index())
 }

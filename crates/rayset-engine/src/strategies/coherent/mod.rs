@@ -9,20 +9,27 @@
 //! first: Haines, Greenberg 1986, "The light buffer".
 
 mod certificate;
+mod condition;
 mod credit;
 mod retained;
 mod worker;
 
 use rayset_geometry::{Probe, Ray};
 use rayset_scene::Scene;
-use rayset_simd::{Backend, Simd};
+use rayset_simd::{Backend, Kernel, Simd};
 
+use self::certificate::build_cost;
+#[cfg(feature = "mutations")]
+pub use self::condition::Condition;
+use self::condition::Omitted;
 use self::retained::Slots;
 use self::worker::Worker;
-use super::partition::departure;
 use super::standard::Standard;
 use crate::strategy::LaneTracer;
 use crate::{Hit, IntersectionStrategy, RayQuery, Recording, ShadowQuery, Stats, Tracer};
+
+/// A loan, in tests, that no sweep spends.
+const UNLIMITED: u64 = 1 << 50;
 
 /// Retained certificates, exact.
 #[derive(Debug)]
@@ -30,6 +37,8 @@ pub struct Coherent<'s> {
     standard: Standard<'s>,
     scene: &'s Scene,
     backend: Backend,
+    is_unlimited: bool,
+    omitted: Omitted,
 }
 
 impl<'s> Coherent<'s> {
@@ -42,7 +51,22 @@ impl<'s> Coherent<'s> {
     /// Binds the strategy to a scene, on the lanes of a backend.
     #[must_use]
     pub fn on(scene: &'s Scene, backend: Backend) -> Self {
-        Self { standard: Standard::on(scene, backend), scene, backend }
+        let standard = Standard::on(scene, backend);
+        Self { standard, scene, backend, is_unlimited: false, omitted: Omitted::default() }
+    }
+
+    /// The same strategy, trying for coherence in every scene and whatever it costs: so that its proofs can be put to
+    /// the test where it would not bother.
+    #[must_use]
+    pub fn unlimited(self) -> Self {
+        Self { is_unlimited: true, ..self }
+    }
+
+    /// The same strategy, leaving out a condition of its proofs: its answers will be wrong.
+    #[cfg(feature = "mutations")]
+    #[must_use]
+    pub fn without(self, condition: Condition) -> Self {
+        Self { omitted: Omitted { condition: Some(condition) }, ..self }
     }
 
     /// Whether there are so few volumes that a partition costs no more than checking a certificate.
@@ -69,13 +93,14 @@ impl IntersectionStrategy for Coherent<'_> {
     }
 
     fn begin_sweep(&self, recording: Recording) -> Box<dyn Tracer + '_> {
-        if self.is_hopeless() {
+        if self.is_hopeless() && !self.is_unlimited {
             return self.standard.begin_sweep(recording);
         }
+        let loan = if self.is_unlimited { UNLIMITED } else { build_cost(self.scene) };
         Box::new(CoherentTracer {
             backend: self.backend,
             recording,
-            worker: Worker::new(self.scene),
+            worker: Worker::new(self.scene, loan, self.omitted),
             slots: Slots::default(),
             light_slots: Slots::default(),
         })
@@ -93,55 +118,35 @@ struct CoherentTracer<'s> {
 impl LaneTracer for CoherentTracer<'_> {
     #[inline(always)]
     fn nearest_on<S: Simd>(&mut self, simd: S, query: &RayQuery) -> Option<Hit> {
-        let (worker, kind) = (&mut self.worker, query.slot.kind());
+        let worker = &mut self.worker;
         let probe = Probe::new(simd, &query.ray, query.span, worker.scene.primitives().is_flat());
-        let departure = departure(worker.scene, query.originating);
         let state = self.slots.at(u64::from(query.slot.0));
         worker.tested.clear();
-        let hit = match worker.follow(state, kind, &probe, departure, query.originating) {
+        match worker.follow(state, query.slot.kind(), &probe, query.originating) {
             Some(hit) => hit,
-            None => {
-                let hit = worker.partition(simd, &probe, departure);
-                worker.learn(simd, state, query, hit);
-                hit
-            }
-        };
-        state.note(query.ray_set, &query.ray, hit.map_or(f64::INFINITY, |hit| hit.t), worker.volume_of(hit));
-        hit
+            None => self.partition(query),
+        }
     }
 
     #[inline(always)]
     fn occluded_on<S: Simd>(&mut self, simd: S, query: &ShadowQuery) -> bool {
         let worker = &mut self.worker;
-        let lights = worker.scene.lights();
         let probe = Probe::new(simd, &query.ray, query.span, worker.scene.primitives().is_flat());
-        let departure = departure(worker.scene, Some(query.originating));
-        let place = u64::from(query.slot.0) * lights.len() as u64 + u64::from(query.light.0);
-        let state = self.light_slots.at(place);
-        // Rays to a point light all end there: seen from it they are a pencil without spread.
-        let (axis, length) = match lights[query.light.index()].position() {
-            Some(position) => (Ray::new(position, -query.ray.direction()), query.span.end + query.span.start),
-            None => (query.ray, f64::INFINITY),
-        };
+        let originating = Some(query.originating);
+        let state = self.light_slots.at(light_place(worker.scene, query));
         worker.tested.clear();
-        if state.was_blocked && worker.is_still_blocked(state, &probe, departure) {
+        if state.was_blocked && worker.is_still_blocked(state, &probe, originating) {
             return true;
         }
-        if let Some(blocked) = worker.follow_to_light(state, &axis, length, &probe, departure, query.originating) {
-            state.note(query.ray_set, &axis, length, None);
+        let (axis, length) = light_axis(worker.scene, query);
+        if let Some(blocked) = worker.follow_to_light(state, &axis, length, &probe, originating) {
             return blocked;
         }
-        if !state.was_blocked && worker.is_still_blocked(state, &probe, departure) {
+        if !state.was_blocked && worker.is_still_blocked(state, &probe, originating) {
             state.was_blocked = true;
             return true;
         }
-        state.blocker = worker.partition_to_light(simd, &probe, departure).or(state.blocker.take());
-        state.was_blocked = worker.is_blocked;
-        if !state.was_blocked {
-            worker.learn_light(simd, state, query, &axis, length);
-            state.note(query.ray_set, &axis, length, None);
-        }
-        state.was_blocked
+        self.partition_to_light(query)
     }
 
     fn lane_stats(&self) -> &Stats {
@@ -158,5 +163,79 @@ impl LaneTracer for CoherentTracer<'_> {
 
     fn backend(&self) -> Backend {
         self.backend
+    }
+}
+
+/// The state of a slot and a light.
+#[inline(always)]
+fn light_place(scene: &Scene, query: &ShadowQuery) -> u64 {
+    u64::from(query.slot.0) * scene.lights().len() as u64 + u64::from(query.light.0)
+}
+
+/// A ray to a light as certificates see it, and its length.
+///
+/// Rays to a point light all end there: seen from it they are a pencil without spread.
+#[inline(always)]
+fn light_axis(scene: &Scene, query: &ShadowQuery) -> (Ray, f64) {
+    match scene.light(query.light).position() {
+        Some(position) => (Ray::new(position, -query.ray.direction()), query.span.end + query.span.start),
+        None => (query.ray, f64::INFINITY),
+    }
+}
+
+impl CoherentTracer<'_> {
+    /// What no certificate answers; a call of its own, so that the way of a coherent ray is short.
+    #[inline(never)]
+    fn partition(&mut self, query: &RayQuery) -> Option<Hit> {
+        self.backend.run(PartitionRay { tracer: self, query })
+    }
+
+    /// What neither a certificate nor the last blocker answers.
+    #[inline(never)]
+    fn partition_to_light(&mut self, query: &ShadowQuery) -> bool {
+        self.backend.run(PartitionLightRay { tracer: self, query })
+    }
+}
+
+struct PartitionRay<'a, 's> {
+    tracer: &'a mut CoherentTracer<'s>,
+    query: &'a RayQuery,
+}
+
+impl Kernel for PartitionRay<'_, '_> {
+    type Output = Option<Hit>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Option<Hit> {
+        let (worker, query) = (&mut self.tracer.worker, self.query);
+        let probe = Probe::new(simd, &query.ray, query.span, worker.scene.primitives().is_flat());
+        let hit = worker.partition(simd, &probe, query.originating);
+        worker.learn(simd, self.tracer.slots.at(u64::from(query.slot.0)), query, hit);
+        hit
+    }
+}
+
+struct PartitionLightRay<'a, 's> {
+    tracer: &'a mut CoherentTracer<'s>,
+    query: &'a ShadowQuery,
+}
+
+impl Kernel for PartitionLightRay<'_, '_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> bool {
+        let (worker, query) = (&mut self.tracer.worker, self.query);
+        let probe = Probe::new(simd, &query.ray, query.span, worker.scene.primitives().is_flat());
+        let blocker = worker.partition_to_light(simd, &probe, Some(query.originating));
+        let state = self.tracer.light_slots.at(light_place(worker.scene, query));
+        state.was_blocked = blocker.is_some();
+        if state.was_blocked {
+            state.blocker = blocker;
+        } else {
+            let (axis, length) = light_axis(worker.scene, query);
+            worker.learn_light(simd, state, query, &axis, length);
+        }
+        state.was_blocked
     }
 }

@@ -11,7 +11,10 @@ use crate::RaySetIndex;
 /// How many certificates a slot keeps: those of the surfaces that take turns along a row.
 pub(super) const N_WAYS: usize = 3;
 
-/// The ray of a slot that was answered last, as a certificate sees it.
+/// A certificate that serves fewer rays than this was built for too short a step, if it was the widest.
+const SERVED_BY_A_GOOD_STEP: u32 = 4;
+
+/// The ray of a slot that was partitioned last, as a certificate sees it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Last {
     pub(super) ray_set: RaySetIndex,
@@ -69,7 +72,7 @@ impl SlotState {
         self.n_served += 1;
     }
 
-    /// Notes the ray answered last.
+    /// Notes the ray partitioned last.
     #[inline(always)]
     pub(super) fn note(&mut self, ray_set: RaySetIndex, ray: &Ray, length: f64, predicted: Option<VolumeId>) {
         self.last = Some(Last { ray_set, ray: *ray, length, predicted });
@@ -84,18 +87,26 @@ impl SlotState {
         length: f64,
         predicted: Option<VolumeId>,
     ) {
-        let Some(last) = &self.last else { return };
-        if last.ray_set.0.wrapping_add(1) != ray_set.0 || last.predicted != predicted {
+        let is_next =
+            |last: &&Last| last.ray_set.0.wrapping_add(1) == ray_set.0 && last.predicted == predicted;
+        let Some(last) = self.last.as_ref().filter(is_next) else {
+            // A certificate that reached far and served few was built for too short a step.
+            if self.n_served < SERVED_BY_A_GOOD_STEP {
+                self.step = self.step.map(Step::grown);
+            }
             return;
-        }
+        };
         let spread = ray.origin().distance(last.ray.origin());
         let divergence = ray.direction().distance(last.ray.direction());
         let widening = if length < f64::INFINITY { spread + divergence * length } else { 0.0 };
-        let lengthening = if length < f64::INFINITY { (length - last.length).abs().max(widening) } else { 0.0 };
+        let lengthening =
+            if length < f64::INFINITY { (length - last.length).abs().max(widening) } else { 0.0 };
         let step = Step { spread, divergence, lengthening };
         // A jump to the next row says little; but steps do grow.
         self.step = Some(match self.step {
-            Some(old) if step.divergence > 3.0 * old.divergence && step.spread > 3.0 * old.spread => old.grown(),
+            Some(old) if step.divergence > 3.0 * old.divergence && step.spread > 3.0 * old.spread => {
+                old.grown()
+            }
             _ => step,
         });
     }

@@ -1,13 +1,14 @@
 //! What is done for one ray: following a certificate, or a partition and building one.
 
-use rayset_geometry::{ColumnRun, Departure, PARTITION_MARGIN, Pencil, Probe, Ray, Side, VolumeSet};
+use rayset_geometry::{ColumnRun, PARTITION_MARGIN, Pencil, Probe, Ray, Side, VolumeSet};
 use rayset_scene::{PrimitiveId, Scene, VolumeId};
 use rayset_simd::Simd;
 
 use super::certificate::{Builder, Certificate, MAX_GUESTS, Plan, build_cost};
+use super::condition::{Condition, Omitted};
 use super::credit::Credit;
 use super::retained::SlotState;
-use crate::strategies::partition::{Partition, first_in, nearest_in};
+use crate::strategies::partition::{Partition, departure, first_in, nearest_in};
 use crate::{Hit, Originating, RayKind, RayQuery, ShadowQuery, Stats};
 
 /// Everything of a tracer but its slots.
@@ -17,8 +18,7 @@ pub(super) struct Worker<'s> {
     pub(super) stats: Stats,
     /// Of the query answered last.
     pub(super) certificate_radius: f64,
-    /// What the last partition towards a light found.
-    pub(super) is_blocked: bool,
+    omitted: Omitted,
     partition: Partition,
     builder: Builder,
     credit: Credit,
@@ -39,22 +39,23 @@ impl Tested {
 }
 
 impl<'s> Worker<'s> {
-    pub(super) fn new(scene: &'s Scene) -> Self {
+    /// `loan` is what may be spent before anything is earned, in tests.
+    pub(super) fn new(scene: &'s Scene, loan: u64, omitted: Omitted) -> Self {
         Self {
             scene,
             tested: Tested { volumes: Vec::with_capacity(4 * MAX_GUESTS), least: None },
             stats: Stats::default(),
             certificate_radius: 0.0,
-            is_blocked: false,
             partition: Partition::default(),
-            builder: Builder::default(),
-            credit: Credit::new(build_cost(scene)),
+            omitted,
+            builder: Builder::new(omitted),
+            credit: Credit::new(loan),
         }
     }
 
     /// The volume that holds what was hit.
     #[inline(always)]
-    pub(super) fn volume_of(&self, hit: Option<Hit>) -> Option<VolumeId> {
+    fn volume_of(&self, hit: Option<Hit>) -> Option<VolumeId> {
         hit.map(|hit| self.scene.location(hit.primitive).volume)
     }
 
@@ -80,7 +81,6 @@ impl<'s> Worker<'s> {
         state: &mut SlotState,
         kind: RayKind,
         probe: &Probe<S>,
-        departure: Option<Departure>,
         originating: Option<Originating>,
     ) -> Option<Option<Hit>> {
         if state.ways.is_empty() {
@@ -91,21 +91,31 @@ impl<'s> Worker<'s> {
             if !self.check(&state.ways[way], probe.ray(), originating) {
                 continue;
             }
-            let certificate = state.ways[way];
-            for volume in certificate.to_test() {
-                if self.tested.volumes.contains(&volume) || !self.credit.pay(1) {
+            let certificate = &state.ways[way];
+            let mut is_tested = true;
+            for volume in certificate.volumes(self.omitted) {
+                if self.tested.volumes.contains(&volume) {
                     continue;
+                }
+                if !self.credit.pay(1) {
+                    is_tested = self.omitted.is(Condition::AllTested);
+                    break;
                 }
                 self.tested.volumes.push(volume);
                 if self.is_met(probe, volume)
-                    && let Some(hit) = nearest_in(self.scene, probe, volume, departure, &mut self.stats.work)
+                    && let Some(hit) = nearest_in(
+                        self.scene,
+                        probe,
+                        volume,
+                        departure(self.scene, originating),
+                        &mut self.stats.work,
+                    )
                     && self.tested.least.is_none_or(|least| hit.precedes(&least))
                 {
                     self.tested.least = Some(hit);
                 }
             }
-            let is_tested = certificate.to_test().all(|volume| self.tested.volumes.contains(&volume));
-            let reaches = |t: f64| t <= certificate.pencil.length;
+            let reaches = |t: f64| t <= certificate.pencil.length || self.omitted.is(Condition::HitLength);
             if is_tested && reaches(self.tested.least.map_or(f64::INFINITY, |hit| hit.t)) {
                 let hit = self.tested.least;
                 self.answered(state, way, kind, hit.map_or(self.scene.extent(), |hit| hit.t));
@@ -124,33 +134,36 @@ impl<'s> Worker<'s> {
         axis: &Ray,
         length: f64,
         probe: &Probe<S>,
-        departure: Option<Departure>,
-        originating: Originating,
+        originating: Option<Originating>,
     ) -> Option<bool> {
         if state.ways.is_empty() {
             return None;
         }
         self.stats.coherence.shadow.guided += 1;
         for way in 0..state.ways.len() {
-            if length > state.ways[way].pencil.length
-                || !self.check(&state.ways[way], axis, Some(originating))
-            {
+            let is_long_enough =
+                length <= state.ways[way].pencil.length || self.omitted.is(Condition::LightLength);
+            if !is_long_enough || !self.check(&state.ways[way], axis, originating) {
                 continue;
             }
-            let certificate = state.ways[way];
             let mut is_tested = true;
-            for volume in certificate.to_test() {
+            for volume in state.ways[way].volumes(self.omitted) {
                 if self.tested.volumes.contains(&volume) {
                     continue;
                 }
                 if !self.credit.pay(1) {
-                    is_tested = false;
+                    is_tested = self.omitted.is(Condition::AllTested);
                     break;
                 }
                 self.tested.volumes.push(volume);
                 if self.is_met(probe, volume)
-                    && let Some(blocker) =
-                        first_in(self.scene, probe, volume, departure, &mut self.stats.work)
+                    && let Some(blocker) = first_in(
+                        self.scene,
+                        probe,
+                        volume,
+                        departure(self.scene, originating),
+                        &mut self.stats.work,
+                    )
                 {
                     state.blocker = Some(blocker);
                     self.answered(state, way, RayKind::Shadow, length.min(self.scene.extent()));
@@ -171,7 +184,7 @@ impl<'s> Worker<'s> {
         &mut self,
         state: &SlotState,
         probe: &Probe<S>,
-        departure: Option<Departure>,
+        originating: Option<Originating>,
     ) -> bool {
         let Some(blocker) = &state.blocker else { return false };
         if !self.credit.pay(1) {
@@ -180,7 +193,9 @@ impl<'s> Worker<'s> {
         let coherence = &mut self.stats.coherence.shadow;
         coherence.guided += 1;
         self.stats.work.primitive_tests += 1;
-        if self.scene.primitives().any(probe, blocker, departure).is_none() {
+        let blocks =
+            self.scene.primitives().any(probe, blocker, departure(self.scene, originating)).is_some();
+        if !blocks && !self.omitted.is(Condition::Blocker) {
             coherence.predicted_missed += 1;
             return false;
         }
@@ -198,8 +213,13 @@ impl<'s> Worker<'s> {
             return false;
         }
         self.stats.work.pierce_checks += 1;
-        let leaves_it = |excluded: PrimitiveId| originating.is_some_and(|o| o.primitive == excluded && is_left(&o));
-        certificate.pencil.contains(ray) && certificate.excluded.is_none_or(leaves_it)
+        let omitted = self.omitted;
+        let leaves_it = |excluded: PrimitiveId| {
+            omitted.is(Condition::ExcludedIsLeft)
+                || originating.is_some_and(|o| o.primitive == excluded && is_left(&o, omitted))
+        };
+        omitted.pencil_of_rays(&certificate.pencil).contains(ray)
+            && certificate.excluded.is_none_or(leaves_it)
     }
 
     /// Counts a coherent ray and what it saved.
@@ -219,11 +239,12 @@ impl<'s> Worker<'s> {
         &mut self,
         simd: S,
         probe: &Probe<S>,
-        departure: Option<Departure>,
+        originating: Option<Originating>,
     ) -> Option<Hit> {
         let work = &mut self.stats.work;
         self.partition.of::<S, false>(simd, self.scene, probe, work);
         self.credit.earn(self.scene.volumes().len() as u64);
+        let departure = departure(self.scene, originating);
         let mut nearest = self.tested.least;
         for &volume in &self.partition.intersected {
             if !self.tested.volumes.contains(&volume)
@@ -242,12 +263,14 @@ impl<'s> Worker<'s> {
         &mut self,
         simd: S,
         probe: &Probe<S>,
-        departure: Option<Departure>,
+        originating: Option<Originating>,
     ) -> Option<ColumnRun> {
         let work = &mut self.stats.work;
         self.partition.of::<S, false>(simd, self.scene, probe, work);
         self.credit.earn(self.scene.volumes().len() as u64);
-        let volumes = self.partition.intersected.iter().filter(|volume| !self.tested.volumes.contains(volume));
+        let volumes =
+            self.partition.intersected.iter().filter(|volume| !self.tested.volumes.contains(volume));
+        let departure = departure(self.scene, originating);
         let mut blocker = None;
         for &volume in volumes {
             blocker = first_in(self.scene, probe, volume, departure, work);
@@ -255,7 +278,6 @@ impl<'s> Worker<'s> {
                 break;
             }
         }
-        self.is_blocked = blocker.is_some();
         blocker
     }
 
@@ -271,6 +293,7 @@ impl<'s> Worker<'s> {
         let length = hit.map_or(f64::INFINITY, |hit| hit.t);
         let predicted = self.volume_of(hit);
         state.measure_step(query.ray_set, &query.ray, length, predicted);
+        state.note(query.ray_set, &query.ray, length, predicted);
         self.build(simd, state, &query.ray, length, predicted, query.originating);
     }
 
@@ -285,6 +308,7 @@ impl<'s> Worker<'s> {
         length: f64,
     ) {
         state.measure_step(query.ray_set, axis, length, None);
+        state.note(query.ray_set, axis, length, None);
         self.build(simd, state, axis, length, None, Some(query.originating));
     }
 
@@ -304,10 +328,15 @@ impl<'s> Worker<'s> {
         if !state.may_build() || !self.credit.pay(cost) {
             return;
         }
-        let excluded = originating.filter(is_left).map(|left| left.primitive).and_then(|primitive| {
-            let location = self.scene.location(primitive);
-            is_single(self.scene, location.volume).then_some((primitive, location.volume))
-        });
+        let excluded = originating
+            .filter(|left| is_left(left, self.omitted))
+            .map(|left| left.primitive)
+            .and_then(|primitive| {
+                let location = self.scene.location(primitive);
+                let is_alone =
+                    is_single(self.scene, location.volume) || self.omitted.is(Condition::ExcludedAlone);
+                is_alone.then_some((primitive, location.volume))
+            });
         let pencil = Pencil { axis: *axis, spread: step.spread, divergence: step.divergence, length };
         let plan = Plan { step: pencil, lengthening: step.lengthening, predicted, excluded };
         let mut n_tested = 0;
@@ -334,6 +363,6 @@ fn is_single(scene: &Scene, volume: VolumeId) -> bool {
 
 /// Whether a ray cannot meet the primitive it leaves again: see [`Departure`].
 #[inline(always)]
-fn is_left(originating: &Originating) -> bool {
-    originating.side == Side::Front
+fn is_left(originating: &Originating, omitted: Omitted) -> bool {
+    originating.side == Side::Front || omitted.is(Condition::ExcludedFront)
 }
