@@ -49,12 +49,12 @@ pub use rayset_simd::Backend;
 pub use render::{Observer, Progress, RenderError, RenderOptions, render, render_observed};
 pub use sampling::{Crop, EyeRays};
 pub use shading::shade;
+pub use stats::{CoherenceCounts, Stats, Work};
 #[cfg(feature = "mutations")]
 pub use strategies::Condition;
-pub use stats::{CoherenceCounts, Stats, Work};
 pub use strategies::{
-    BlockerRule, Coherent, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,
-    Speer1985, Speer1985Options, Standard, StrategyKind, UnknownReading, UnknownStrategy,
+    BlockerRule, Coherent, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule,
+    SlabRule, Speer1985, Speer1985Options, Standard, StrategyKind, UnknownReading, UnknownStrategy,
 };
 pub use strategy::{IntersectionStrategy, Recording, Tracer};
 

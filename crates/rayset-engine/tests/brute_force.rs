@@ -8,10 +8,10 @@ use std::sync::Mutex;
 use pixels::assert_same_pixels;
 use rayset_engine::geometry::{Ray, Span};
 use rayset_engine::scene::{ObjectId, Part, PrimitiveId, Scene};
-use rayset_engine::{EyeRays, Layers, Recording, 
-    Answers, Backend, ByKind, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, RayKind,
-    RayQuery, RenderOptions, ShadowGeneration, ShadowQuery, Speer1985, Speer1985Options, Standard,
-    Stats, StrategyKind, SweepLength, Tracer, render,
+use rayset_engine::{
+    Answers, Backend, ByKind, EyeRays, Generation, Hit, IntersectionStrategy, Layers, Originating,
+    PixelOrder, RayKind, RayQuery, Recording, RenderOptions, ShadowGeneration, ShadowQuery, Speer1985,
+    Speer1985Options, Standard, Stats, StrategyKind, SweepLength, Tracer, render,
 };
 use scenes::TestScene;
 

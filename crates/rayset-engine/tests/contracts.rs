@@ -9,10 +9,10 @@ use queries::{Query, queries_of};
 use rayset_engine::geometry::glam::{DVec3, dvec3};
 use rayset_engine::geometry::{Polygon, Primitive, Ray, Side, Span, Sphere, Triangle};
 use rayset_engine::scene::{LightId, Material, ObjectId, Part, PrimitiveId, Scene, SceneBuilder};
-use rayset_engine::{EyeRays, Layers, 
-    Answers, Backend, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, QueryWork, RayQuery,
-    RaySetIndex, Recording, RenderOptions, ShadowGeneration, ShadowQuery, Slot, Speer1985, StrategyKind,
-    SweepLength, Tracer,
+use rayset_engine::{
+    Answers, Backend, EyeRays, Generation, Hit, IntersectionStrategy, Layers, Originating, PixelOrder,
+    QueryWork, RayQuery, RaySetIndex, Recording, RenderOptions, ShadowGeneration, ShadowQuery, Slot,
+    Speer1985, StrategyKind, SweepLength, Tracer,
 };
 
 const OPTIONS: RenderOptions = RenderOptions {

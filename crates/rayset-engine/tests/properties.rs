@@ -11,10 +11,10 @@ use queries::{Query, queries_of};
 use rayset_engine::geometry::glam::DVec3;
 use rayset_engine::geometry::{Polygon, Span, Sphere, Triangle, unit};
 use rayset_engine::scene::{Camera, Light, Material, Part, Scene, SceneBuilder};
-use rayset_engine::{EyeRays, Recording, 
-    Backend, BlockerRule, ByKind, CoherenceCounts, DEPARTURE_MARGIN, EndPlaneRule, InheritanceRule,
+use rayset_engine::{
+    Backend, BlockerRule, ByKind, CoherenceCounts, DEPARTURE_MARGIN, EndPlaneRule, EyeRays, InheritanceRule,
     IntersectionStrategy, LightRule, MatchRule, MissRule, OriginatingRule, PixelOrder, RayKind, RayQuery,
-    RayTally, RenderOptions, ShadowQuery, SlabRule, Slot, Speer1985, Speer1985Options, Standard,
+    RayTally, Recording, RenderOptions, ShadowQuery, SlabRule, Slot, Speer1985, Speer1985Options, Standard,
     StrategyKind, SweepLength, render,
 };
 

@@ -6,8 +6,8 @@ mod scenes;
 use pixels::assert_same_pixels;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use rayset_engine::{
-    Backend, Crop, EyeRays, Frame, IntersectionStrategy, Layers, PixelOrder, Progress, RenderError, RenderOptions, Speer1985, Speer1985Options,
-    Standard, StrategyKind, SweepLength, render, render_observed,
+    Backend, Crop, EyeRays, Frame, IntersectionStrategy, Layers, PixelOrder, Progress, RenderError,
+    RenderOptions, Speer1985, Speer1985Options, Standard, StrategyKind, SweepLength, render, render_observed,
 };
 use scenes::TestScene;
 
@@ -128,8 +128,7 @@ fn recording_adds_planes_and_changes_nothing_else() {
         for &kind in StrategyKind::ALL {
             let (strategy, what) = (kind.bind(scene), format!("{kind}, {name}"));
             let expected = frame(strategy.as_ref(), &OPTIONS);
-            let actual =
-                frame(strategy.as_ref(), &RenderOptions { layers: Layers::ALL, ..OPTIONS });
+            let actual = frame(strategy.as_ref(), &RenderOptions { layers: Layers::ALL, ..OPTIONS });
             assert_same_pixels(&expected, &actual, &what);
             assert_eq!(expected.counts, actual.counts, "{what}");
             assert!(expected.stats == actual.stats, "{what}: {}{}", expected.stats, actual.stats);
@@ -205,9 +204,11 @@ fn crop_has_the_pixels_of_the_whole_image() {
 
 #[test]
 fn eye_rays_are_as_many_as_they_should_be_and_no_order_changes_a_mean() {
-    for (eye_rays, count) in
-        [(EyeRays::Corners, 42 * 28), (EyeRays::Centers { samples: 3 }, 41 * 27 * 9), (EyeRays::default(), 41 * 27)]
-    {
+    for (eye_rays, count) in [
+        (EyeRays::Corners, 42 * 28),
+        (EyeRays::Centers { samples: 3 }, 41 * 27 * 9),
+        (EyeRays::default(), 41 * 27),
+    ] {
         for TestScene { name, scene, .. } in &scenes::all() {
             let standard = Standard::new(scene);
             let options = RenderOptions { eye_rays, layers: Layers::ALL, ..OPTIONS };

@@ -50,7 +50,13 @@ pub fn mesh_scenes(fixtures: &Path) -> Result<Vec<NamedScene>, SceneError> {
 pub fn cornell_box(fixtures: &Path) -> Result<NamedScene, SceneError> {
     let camera = Camera::new(DVec3::new(0.0, 1.0, 3.9), DVec3::new(0.0, 1.0, 0.0), DVec3::Y, 40.0)?;
     let lights = [Light::point(DVec3::new(0.0, 1.9, 0.0), Color::splat(0.9))];
-    mesh("cornell-box", &fixtures.join("obj/cornell/CornellBox-Original.obj"), camera, &lights, &LoadOptions::default())
+    mesh(
+        "cornell-box",
+        &fixtures.join("obj/cornell/CornellBox-Original.obj"),
+        camera,
+        &lights,
+        &LoadOptions::default(),
+    )
 }
 
 /// A Cornell box with a mirror and a glass sphere of triangles.
@@ -61,7 +67,13 @@ pub fn cornell_box(fixtures: &Path) -> Result<NamedScene, SceneError> {
 pub fn cornell_spheres(fixtures: &Path) -> Result<NamedScene, SceneError> {
     let camera = Camera::new(DVec3::new(0.0, 0.8, 3.4), DVec3::new(0.0, 0.8, 0.0), DVec3::Y, 38.0)?;
     let lights = [Light::point(DVec3::new(0.0, 1.5, 0.0), Color::splat(0.9))];
-    mesh("cornell-spheres", &fixtures.join("obj/cornell/CornellBox-Sphere.obj"), camera, &lights, &LoadOptions::default())
+    mesh(
+        "cornell-spheres",
+        &fixtures.join("obj/cornell/CornellBox-Sphere.obj"),
+        camera,
+        &lights,
+        &LoadOptions::default(),
+    )
 }
 
 /// The most triangles of a bounding volume, where the knob's groups are split.

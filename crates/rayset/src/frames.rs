@@ -19,7 +19,11 @@ pub enum ChannelNames {
 /// # Errors
 ///
 /// [`ImageError`] if an attribute has an unusable name.
-pub fn image_of(frame: &Frame, names: ChannelNames, provenance: &[(&str, &str)]) -> Result<Image, ImageError> {
+pub fn image_of(
+    frame: &Frame,
+    names: ChannelNames,
+    provenance: &[(&str, &str)],
+) -> Result<Image, ImageError> {
     let mut image = Image::new(frame.width, frame.height)?;
     for plane in frame.planes() {
         let name = match (names, plane.name.strip_prefix("beauty.")) {

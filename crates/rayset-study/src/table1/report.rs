@@ -443,7 +443,13 @@ fn write_pictures(folder: &Path, pictures: &Pictures, table: &Table1) -> Result<
         write_exr(&folder.join(format!("{stem}.exr")), &image)?;
         let path = folder.join(format!("{stem}.png"));
         write_png_rgb8(&path, image.width(), image.height(), &to_srgb8(&image, 0.0)?)?;
-        write_false_colour_png(&folder.join(format!("{stem}-coherent.png")), &image, "coherent.all", 0.0, 1.0)?;
+        write_false_colour_png(
+            &folder.join(format!("{stem}-coherent.png")),
+            &image,
+            "coherent.all",
+            0.0,
+            1.0,
+        )?;
         match &first {
             None => first = Some(image),
             Some(standard) => {

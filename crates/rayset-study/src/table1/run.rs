@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use rayset_engine::{
-    ByKind, CoherenceCounts, Frame, IntersectionStrategy, RayCounts, Layer, Layers, RayKind, RenderOptions,
+    ByKind, CoherenceCounts, Frame, IntersectionStrategy, Layer, Layers, RayCounts, RayKind, RenderOptions,
     Speer1985, Speer1985Options, Stats, StrategyKind, render,
 };
 
@@ -64,7 +64,8 @@ fn pictures_of(
     scene: &NamedScene,
     options: &RenderOptions,
 ) -> Result<Pictures, StudyError> {
-    let options = RenderOptions { layers: Layers::BEAUTY.with(Layer::Rays).with(Layer::Coherent), ..*options };
+    let options =
+        RenderOptions { layers: Layers::BEAUTY.with(Layer::Rays).with(Layer::Coherent), ..*options };
     let mut frames = Vec::new();
     for (name, strategy) in strategies(plan, scene) {
         frames.push((name.to_owned(), render(strategy.as_ref(), &options)?));
