@@ -4,7 +4,9 @@
 mod bless;
 mod fuzz;
 mod golden;
+mod identical;
 mod project;
+mod prove;
 mod regress;
 mod repro_table1;
 mod standard_scenes;
@@ -40,6 +42,10 @@ enum Task {
     Bless(bless::Options),
     /// Counts the rays of the standard scenes and compares them with those that are published.
     StandardScenes(standard_scenes::Options),
+    /// Renders scenes with every exact strategy in every way there is: all pictures must be the same, bit by bit.
+    Identical(identical::Options),
+    /// Checks the answers that `coherent` gives without a partition against brute force, on scenes made to break it.
+    Prove(prove::Options),
     /// Fuzzes the readers of OBJ, MTL, NFF and scene files.
     Fuzz(fuzz::Options),
     /// Checks the layers: which crate may depend on which, and where `unsafe` may stand.
@@ -71,6 +77,8 @@ fn run(task: &Task) -> Outcome {
         Task::Regress => regress::run(),
         Task::Bless(options) => bless::run(options),
         Task::StandardScenes(options) => standard_scenes::run(options),
+        Task::Identical(options) => identical::run(options),
+        Task::Prove(options) => prove::run(options),
         Task::Fuzz(options) => fuzz::run(options),
         Task::Tidy => tidy::run(),
     }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::{Outcome, project, regress, standard_scenes, tidy};
+use crate::{Outcome, identical, project, prove, regress, standard_scenes, tidy};
 
 /// The libraries with features that can be turned off.
 const WITH_FEATURES: [&str; 4] = ["rayset-scene", "rayset-engine", "rayset-image", "rayset"];
@@ -12,8 +12,8 @@ const WITH_FEATURES: [&str; 4] = ["rayset-scene", "rayset-engine", "rayset-image
   cargo xtask test
   cargo xtask test --full")]
 pub(crate) struct Options {
-    /// Counts the rays of the standard scenes at full size and traces the 10^8 rays of the watertightness test too:
-    /// some minutes more.
+    /// Runs the long checks too: standard scenes at full size, 10^8 rays at edges, 10^8 certificates, every combination
+    /// of what must not matter, and the proof without each of its conditions. A quarter of an hour more.
     #[arg(long)]
     full: bool,
 }
@@ -43,22 +43,32 @@ pub(crate) fn run(options: &Options) -> Outcome {
     })?;
     step("layers", tidy::run)?;
     step("golden images", regress::run)?;
+    step("certificates against brute force", || prove::run(&prove::Options::accept(3_000_000)))?;
+    step("the same bits in every way", || identical::run(&identical::Options::new(true)))?;
     if options.full {
-        step("ray counts of the standard scenes", || standard_scenes::run(&standard_scenes::Options::all()))?;
-        step("10^8 rays at edges and vertices", || {
-            let mut test = project::cargo(&[
-                "test",
-                "--release",
-                "--package",
-                "rayset-geometry",
-                "--test",
-                "watertight",
-            ]);
-            project::run(test.env("RAYSET_WATERTIGHT_RAYS", "100000000"))
-        })?;
+        long_checks()?;
     }
     println!("\nall checks passed");
     Ok(())
+}
+
+/// What takes minutes.
+fn long_checks() -> Outcome {
+    step("ray counts of the standard scenes", || standard_scenes::run(&standard_scenes::Options::all()))?;
+    step("10^8 rays at edges and vertices", || {
+        let mut test =
+            project::cargo(&["test", "--release", "--package", "rayset-geometry", "--test", "watertight"]);
+        project::run(test.env("RAYSET_WATERTIGHT_RAYS", "100000000"))
+    })?;
+    step("10^8 certificates against brute force", || prove::run(&prove::Options::accept(100_000_000)))?;
+    step("the same bits in every combination", || identical::run(&identical::Options::new(false)))?;
+    step("lints of the build that leaves conditions out", || {
+        let arguments =
+            ["clippy", "-p", "xtask", "--features", "mutations", "--all-targets", "--", "-D", "warnings"];
+        project::run(&mut project::cargo(&arguments))
+    })?;
+    // Last, since it builds this very program anew.
+    step("conditions left out", || prove::run(&prove::Options::mutations()))
 }
 
 /// Announces a step, runs it, and says how long it took.

@@ -30,7 +30,7 @@ const LAYERS: &[(&str, &[&str], &[&str])] = &[
     (
         "xtask",
         &["rayset", "rayset-engine", "rayset-image", "rayset-scene", "rayset-study"],
-        &["clap", "indicatif", "libm", "serde_json"],
+        &["clap", "ctrlc", "indicatif", "libm", "rayon", "serde_json", "sha2"],
     ),
 ];
 
