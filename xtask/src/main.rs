@@ -10,6 +10,7 @@ mod prove;
 mod regress;
 mod repro_table1;
 mod standard_scenes;
+mod study;
 mod test;
 mod tidy;
 
@@ -46,6 +47,8 @@ enum Task {
     Identical(identical::Options),
     /// Checks the answers that `coherent` gives without a partition against brute force, on scenes made to break it.
     Prove(prove::Options),
+    /// Runs studies of many experiments: which reading gives Table 1, the plane of n and resolution, the cost model.
+    Study(study::Options),
     /// Fuzzes the readers of OBJ, MTL, NFF and scene files.
     Fuzz(fuzz::Options),
     /// Checks the layers: which crate may depend on which, and where `unsafe` may stand.
@@ -79,6 +82,7 @@ fn run(task: &Task) -> Outcome {
         Task::StandardScenes(options) => standard_scenes::run(options),
         Task::Identical(options) => identical::run(options),
         Task::Prove(options) => prove::run(options),
+        Task::Study(options) => study::run(options),
         Task::Fuzz(options) => fuzz::run(options),
         Task::Tidy => tidy::run(),
     }

@@ -16,6 +16,7 @@ mod error;
 mod files;
 mod scenes;
 mod statistics;
+mod study;
 mod table1;
 
 pub use cost_model::{CostModel, Measurement};
@@ -23,6 +24,7 @@ pub use error::StudyError;
 pub use files::write_file;
 pub use scenes::{NamedScene, cornell_box, cornell_spheres, knob, mesh_scenes, sphere_scene};
 pub use statistics::Spread;
+pub use study::{Counts, Distribution, Journal, Key, Kinds, Median, Scale, StudyName};
 pub use table1::{
     KindRow, ModelReport, OptionsReport, PAPER, PaperRow, Pictures, Reading, Row, StrategyRow, Table1,
     Table1Plan,

@@ -1,0 +1,183 @@
+//! What a percentage can mean, and what work can cost.
+
+use std::fmt;
+
+use super::factors::Setting;
+use super::trial::Pair;
+use crate::study::counts::{Counts, float, ratio};
+
+/// Which kinds of rays the percentage is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Which {
+    Initial,
+    WithoutLight,
+    All,
+}
+
+/// Which of those are counted as rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Among {
+    /// All that are cast.
+    Cast,
+    /// Those that hit something; only where misses and unblocked light rays leave no cylinder, or coherent hits and
+    /// misses could not be told apart.
+    Hits,
+    /// Those with a corresponding ray that has a cylinder.
+    Guided,
+}
+
+/// What "percent rays coherent" counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Counting {
+    pub(crate) which: Which,
+    pub(crate) among: Among,
+}
+
+impl Counting {
+    /// Every meaning that is tried.
+    pub(crate) fn all() -> impl Iterator<Item = Self> {
+        let whiches = [Which::All, Which::WithoutLight, Which::Initial];
+        whiches
+            .into_iter()
+            .flat_map(|which| [Among::Cast, Among::Hits, Among::Guided].map(|among| Self { which, among }))
+    }
+
+    /// The percentage; `None` where it cannot be told or there is no ray.
+    pub(crate) fn percent(self, counts: &Counts, setting: &Setting) -> Option<f64> {
+        let has_unblocked = self.which == Which::All && setting.level("light_rays") == "all";
+        let kinds = match self.which {
+            Which::Initial => 0..1,
+            Which::WithoutLight => 0..3,
+            Which::All => 0..4,
+        };
+        let whole = match self.among {
+            Among::Cast => &counts.cast,
+            Among::Hits if setting.level("misses") == "cylinder" || has_unblocked => return None,
+            Among::Hits => &counts.hit,
+            Among::Guided => &counts.guided,
+        };
+        let whole: u64 = whole[kinds.clone()].iter().sum();
+        (whole > 0).then(|| 100.0 * ratio(counts.coherent[kinds].iter().sum(), whole))
+    }
+}
+
+impl fmt::Display for Counting {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let which = match self.which {
+            Which::Initial => "initial rays",
+            Which::WithoutLight => "rays but light rays",
+            Which::All => "all rays",
+        };
+        let among = match self.among {
+            Among::Cast => "",
+            Among::Hits => " that hit",
+            Among::Guided => " with a guide",
+        };
+        write!(f, "{which}{among}")
+    }
+}
+
+/// What work costs, in tests of one primitive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Cost {
+    /// Of classifying a volume: the paper's k.
+    pub(crate) k: f64,
+    /// Of looking at a member of N for the radius, over `k`.
+    pub(crate) lambda_over_k: f64,
+    /// Of a pierce check: 2 in the paper.
+    pub(crate) pierce: f64,
+    /// Of a ray besides, in both algorithms: the paper's alpha.
+    pub(crate) alpha: f64,
+}
+
+impl Cost {
+    /// `Work::in_tests`: every test and comparison the same, two for a pierce check.
+    pub(crate) const TESTS: Self = Self { k: 1.0, lambda_over_k: 1.0, pierce: 2.0, alpha: 0.0 };
+    /// The same with the paper's own lambda, from its last row.
+    pub(crate) const PAPER_LAMBDA: Self = Self { lambda_over_k: PAPER_LAMBDA, ..Self::TESTS };
+
+    /// The measures that are fixed beforehand.
+    pub(crate) const FIXED: [Self; 2] = [Self::TESTS, Self::PAPER_LAMBDA];
+
+    /// The measures of the search: a pierce check costs the paper's two tests; `k`, lambda and alpha are free.
+    pub(crate) fn grid() -> impl Iterator<Item = Self> {
+        let lambdas = [0.25, 0.5, 1.0, 1.5, PAPER_LAMBDA, 2.5, 3.0, 4.0];
+        let alphas = [0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0];
+        [0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0].into_iter().flat_map(move |k| {
+            lambdas.into_iter().flat_map(move |lambda_over_k| {
+                alphas.map(|alpha| Self { k, lambda_over_k, pierce: 2.0, alpha })
+            })
+        })
+    }
+
+    /// The cost of a frame.
+    pub(crate) fn of(&self, counts: &Counts) -> f64 {
+        float(counts.tests)
+            + self.k * (float(counts.volumes) + self.lambda_over_k * float(counts.comparisons))
+            + self.pierce * float(counts.pierce_checks)
+            + self.alpha * float(counts.rays())
+    }
+
+    /// Coherent over standard.
+    pub(crate) fn ratio(&self, pair: &Pair) -> f64 {
+        self.of(&pair.speer) / self.of(&pair.standard)
+    }
+}
+
+/// lambda / k when the paper's last row is the threshold: 1 / 0.511.
+const PAPER_LAMBDA: f64 = 0.662 / 0.338;
+
+impl fmt::Display for Cost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { k, lambda_over_k, pierce, alpha } = self;
+        write!(f, "k = {k}, lambda = {lambda_over_k:.2} k, pierce check {pierce}, alpha = {alpha}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn counts() -> Counts {
+        Counts {
+            cast: [10, 4, 2, 8],
+            hit: [6, 2, 2, 4],
+            guided: [5, 1, 1, 2],
+            coherent: [4, 1, 0, 2],
+            volumes: 100,
+            tests: 30,
+            pierce_checks: 5,
+            comparisons: 40,
+            ..Counts::default()
+        }
+    }
+
+    #[test]
+    fn percentages_are_of_the_rays_named() {
+        let percent =
+            |which, among| Counting { which, among }.percent(&counts(), &Setting::default()).unwrap();
+        let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
+        close(percent(Which::Initial, Among::Cast), 40.0);
+        close(percent(Which::Initial, Among::Hits), 400.0 / 6.0);
+        close(percent(Which::WithoutLight, Among::Cast), 500.0 / 16.0);
+        close(percent(Which::All, Among::Guided), 700.0 / 9.0);
+        for (factor, level) in [("misses", "cylinder"), ("light_rays", "all")] {
+            let setting = Setting::default().with(factor, level);
+            assert_eq!(Counting { which: Which::All, among: Among::Hits }.percent(&counts(), &setting), None);
+        }
+        assert_eq!(Counting::all().count(), 9);
+    }
+
+    #[test]
+    fn the_first_measure_is_that_of_the_engine() {
+        let counts = counts();
+        assert!((Cost::TESTS.of(&counts) - float(counts.in_tests())).abs() < 1e-9);
+        let cost = Cost { k: 2.0, lambda_over_k: 0.5, pierce: 3.0, alpha: 1.0 };
+        assert!((cost.of(&counts) - (30.0 + 2.0 * 120.0 + 15.0 + 24.0)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_fixed_measures_are_in_the_grid() {
+        assert!(Cost::FIXED.iter().all(|fixed| Cost::grid().any(|cost| cost == *fixed)));
+    }
+}

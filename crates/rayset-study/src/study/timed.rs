@@ -1,0 +1,212 @@
+//! A cell: one scene at one resolution, rendered by all strategies in turn, counted and timed.
+
+use rayset_engine::{
+    Backend, Crop, IntersectionStrategy, PixelOrder, RayCounts, RenderOptions, Speer1985, Stats,
+    StrategyKind, SweepLength, render,
+};
+use rayset_scene::RandomSpheres;
+use serde::{Deserialize, Serialize};
+
+use super::counts::{Counts, Distribution, float};
+use super::interval::Median;
+use super::runner::{Experiment, version_of_all};
+use super::table1_explained::size;
+use crate::{Reading, StudyError};
+
+/// One scene at one resolution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Cell {
+    pub(super) spheres: u32,
+    /// See the levels of the factor `size`.
+    pub(super) size: &'static str,
+    pub(super) reflectance: &'static str,
+    pub(super) seed: u64,
+    /// The side of the square image, in pixels.
+    pub(super) resolution: u32,
+    /// Whether pixels are visited in tiles of 8 by 8 instead of scanlines.
+    pub(super) tiles: bool,
+    /// About how many pixels to render: strips of whole rows, evenly over the image.
+    pub(super) pixels: u32,
+    /// How often each strategy renders it.
+    pub(super) repetitions: usize,
+}
+
+/// The strategies of a cell, `standard` first.
+pub(super) const STRATEGIES: [&str; 4] = ["standard", "speer-1985", "speer-1985-misses", "coherent"];
+
+/// What the strategies took, in the order of [`STRATEGIES`].
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Timed {
+    pub(super) strategies: Vec<Measured>,
+}
+
+/// What a strategy took.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Measured {
+    pub(super) counts: Counts,
+    pub(super) radii: Distribution,
+    pub(super) lengths: Distribution,
+    /// Seconds inside the strategy's calls, for each repetition.
+    pub(super) seconds: Vec<f64>,
+}
+
+impl Timed {
+    /// Work over that of `standard`.
+    pub(super) fn ratio_of_work(&self, strategy: usize) -> f64 {
+        float(self.strategies[strategy].counts.in_tests()) / float(self.strategies[0].counts.in_tests())
+    }
+
+    /// Time over that of `standard`: the median of the repetitions, each of which has both.
+    pub(super) fn ratio_of_time(&self, strategy: usize) -> f64 {
+        let pairs = self.strategies[strategy].seconds.iter().zip(&self.strategies[0].seconds);
+        Median::of(&pairs.map(|(ours, standard)| ours / standard).collect::<Vec<_>>()).value
+    }
+
+    /// The least of the repetitions: what else runs on the machine only adds.
+    pub(super) fn seconds(&self, strategy: usize) -> f64 {
+        self.strategies[strategy].seconds.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// How far the repetitions of a ratio of times are apart, as a fraction of the median.
+    pub(super) fn noise(&self, strategy: usize) -> f64 {
+        let pairs = self.strategies[strategy].seconds.iter().zip(&self.strategies[0].seconds);
+        let ratios: Vec<_> = pairs.map(|(ours, standard)| ours / standard).collect();
+        let (least, greatest) = ratios
+            .iter()
+            .fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), &ratio| (a.min(ratio), b.max(ratio)));
+        (greatest - least) / self.ratio_of_time(strategy)
+    }
+}
+
+impl Cell {
+    /// Whole rows, so that scanlines are as long as in the whole image; rows of whole tiles, where there are tiles.
+    fn strips(&self) -> Vec<Crop> {
+        let side = self.resolution;
+        let unit = if self.tiles { 8 } else { 1 };
+        let units = (self.pixels / side / unit).max(1);
+        if units * unit >= side {
+            return vec![Crop { x: 0, y: 0, width: side, height: side }];
+        }
+        let n_strips = units.min(4);
+        let height = units / n_strips * unit;
+        let strip = |i: u32| {
+            let middle = (2 * i + 1) * side / (2 * n_strips);
+            Crop { x: 0, y: middle - height / 2, width: side, height }
+        };
+        (0..n_strips).map(strip).collect()
+    }
+}
+
+impl Experiment for Cell {
+    type Record = Timed;
+
+    fn parameters(&self) -> Vec<(&'static str, String)> {
+        vec![
+            ("n", self.spheres.to_string()),
+            ("size", self.size.to_owned()),
+            ("reflectance", self.reflectance.to_owned()),
+            ("seed", self.seed.to_string()),
+            ("resolution", self.resolution.to_string()),
+            ("order", if self.tiles { "tiles-8" } else { "scanline" }.to_owned()),
+            ("pixels", self.pixels.to_string()),
+            ("repetitions", self.repetitions.to_string()),
+        ]
+    }
+
+    fn version(&self) -> &'static str {
+        version_of_all()
+    }
+
+    fn run(&self) -> Result<Timed, StudyError> {
+        let spheres = RandomSpheres {
+            count: self.spheres,
+            seed: self.seed,
+            size: size(self.size),
+            reflectance: self.reflectance.parse().unwrap_or(0.3),
+            ..RandomSpheres::default()
+        };
+        let scene = spheres.scene()?;
+        let bound = |reading: Reading| Box::new(Speer1985::on(&scene, Backend::Scalar, reading.options));
+        let strategies: [Box<dyn IntersectionStrategy + '_>; 4] = [
+            StrategyKind::Standard.bind_on(&scene, Backend::Scalar),
+            bound(Reading::literal()),
+            bound(Reading::with_misses()),
+            StrategyKind::Coherent.bind_on(&scene, Backend::Scalar),
+        ];
+        let mut rays = [RayCounts::default(); 4];
+        let mut stats = [(); 4].map(|()| Stats::default());
+        let mut seconds = vec![[0.0; 4]; self.repetitions];
+        for crop in self.strips() {
+            let options = RenderOptions {
+                width: self.resolution,
+                height: self.resolution,
+                crop: Some(crop),
+                order: if self.tiles { PixelOrder::Tiles(8) } else { PixelOrder::Scanline },
+                sweep: SweepLength::WholeImage,
+                ..RenderOptions::default()
+            };
+            for (repetition, seconds) in seconds.iter_mut().enumerate() {
+                // The one that goes first changes, so that none always finds the warmer machine.
+                for turn in 0..strategies.len() {
+                    let i = (turn + repetition) % strategies.len();
+                    let frame = render(strategies[i].as_ref(), &options)?;
+                    seconds[i] += frame.times.strategy.as_secs_f64();
+                    if repetition == 0 {
+                        rays[i] += frame.counts;
+                        stats[i] += &frame.stats;
+                    }
+                }
+            }
+        }
+        let strategies = rays.iter().zip(&stats).enumerate().map(|(i, (rays, stats))| Measured {
+            counts: Counts::of(rays, stats),
+            radii: Distribution::of(&stats.radii),
+            lengths: Distribution::of(&stats.lengths),
+            seconds: seconds.iter().map(|seconds| seconds[i]).collect(),
+        });
+        Ok(Timed { strategies: strategies.collect() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CELL: Cell = Cell {
+        spheres: 8,
+        size: "cover-0.5",
+        reflectance: "0.3",
+        seed: 1,
+        resolution: 64,
+        tiles: false,
+        pixels: 1024,
+        repetitions: 2,
+    };
+
+    #[test]
+    fn strips_are_whole_rows_inside_the_image() {
+        for resolution in [64, 100, 512, 4096] {
+            for pixels in [1, 4096, 65_536] {
+                for tiles in [false, true] {
+                    let cell = Cell { resolution, pixels, tiles, ..CELL };
+                    let strips = cell.strips();
+                    let mut end = 0;
+                    for strip in &strips {
+                        assert!(strip.y >= end && strip.height > 0 && strip.width == resolution, "{cell:?}");
+                        end = strip.y + strip.height;
+                    }
+                    assert!(end <= resolution, "{cell:?}: {strips:?}");
+                }
+            }
+        }
+        assert_eq!(Cell { pixels: 4096, ..CELL }.strips().len(), 1);
+    }
+
+    #[test]
+    fn a_cell_measures_all_strategies() {
+        let timed = CELL.run().unwrap();
+        assert_eq!(timed.strategies.len(), STRATEGIES.len());
+        assert!(timed.strategies.iter().all(|s| s.counts.cast[0] == 1024 && s.seconds.len() == 2));
+        assert!(timed.ratio_of_work(3) < 1.0 && timed.ratio_of_time(1) > 0.0 && timed.seconds(0) > 0.0);
+    }
+}
