@@ -11,7 +11,7 @@ use crate::RaySetIndex;
 /// How many certificates a slot keeps: those of the surfaces that take turns along a row.
 pub(super) const N_WAYS: usize = 3;
 
-/// A certificate that serves fewer rays than this was built for too short a step, if it was the widest.
+/// If certificates serve fewer rays than this, the step they were built for is taken to be too short.
 const SERVED_BY_A_GOOD_STEP: u32 = 4;
 
 /// The ray of a slot that was partitioned last, as a certificate sees it.
@@ -90,7 +90,7 @@ impl SlotState {
         let is_next =
             |last: &&Last| last.ray_set.0.wrapping_add(1) == ray_set.0 && last.predicted == predicted;
         let Some(last) = self.last.as_ref().filter(is_next) else {
-            // A certificate that reached far and served few was built for too short a step.
+            // Certificates that served few may have been built for too short a step.
             if self.n_served < SERVED_BY_A_GOOD_STEP {
                 self.step = self.step.map(Step::grown);
             }
