@@ -8,6 +8,7 @@ mod identical;
 mod project;
 mod prove;
 mod regress;
+mod report;
 mod repro_table1;
 mod standard_scenes;
 mod study;
@@ -49,6 +50,8 @@ enum Task {
     Prove(prove::Options),
     /// Runs studies of many experiments: which reading gives Table 1, the plane of n and resolution, the cost model.
     Study(study::Options),
+    /// Writes one HTML file with Table 1, the map, the cost model and pictures, from what the others recorded.
+    Report(report::Options),
     /// Fuzzes the readers of OBJ, MTL, NFF and scene files.
     Fuzz(fuzz::Options),
     /// Checks the layers: which crate may depend on which, and where `unsafe` may stand.
@@ -83,6 +86,7 @@ fn run(task: &Task) -> Outcome {
         Task::Identical(options) => identical::run(options),
         Task::Prove(options) => prove::run(options),
         Task::Study(options) => study::run(options),
+        Task::Report(options) => report::run(options),
         Task::Fuzz(options) => fuzz::run(options),
         Task::Tidy => tidy::run(),
     }

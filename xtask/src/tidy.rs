@@ -23,7 +23,7 @@ const LAYERS: &[(&str, &[&str], &[&str])] = &[
     (
         "rayset-study",
         &["rayset", "rayset-engine", "rayset-geometry", "rayset-image", "rayset-scene", "rayset-simd"],
-        &["csv", "plotters", "serde", "serde_json", "thiserror"],
+        &["base64", "csv", "maud", "plotters", "serde", "serde_json", "thiserror"],
     ),
     ("rayset", &["rayset-engine", "rayset-geometry", "rayset-image", "rayset-scene", "rayset-simd"], &[]),
     ("rayset-cli", &["rayset"], &["clap", "ctrlc", "indicatif", "rayon", "serde", "serde_json", "sha2"]),

@@ -14,7 +14,7 @@ mod summary;
 #[cfg(feature = "exr")]
 pub use self::exr::{read_exr, write_exr};
 #[cfg(feature = "png")]
-pub use self::png::{to_srgb8, write_false_colour_png, write_png_rgb8};
+pub use self::png::{png_rgb8, to_srgb8, write_false_colour_png, write_png_rgb8};
 pub use self::{
     compare::{ChannelComparison, Comparison, FirstDifference, compare, difference_image},
     error::ImageError,

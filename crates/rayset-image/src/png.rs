@@ -16,6 +16,22 @@ use crate::{Image, ImageError, false_colour, output::replace_file, unit_values};
 /// [`ImageError::InvalidSize`] if a side is 0 or longer than [`Image::MAX_SIDE`], [`ImageError::PixelCount`] if
 /// there is not one colour a pixel, and [`ImageError::Write`] if the disk refuses.
 pub fn write_png_rgb8(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) -> Result<(), ImageError> {
+    let bytes = png_bytes(path, width, height, pixels)?;
+    replace_file(path, &bytes).map_err(|source| ImageError::Write { path: path.into(), source })
+}
+
+/// 8-bit colours as the bytes of a PNG, for a file that holds others; row-major from the top.
+///
+/// `name` stands for the path in errors.
+///
+/// # Errors
+///
+/// Those of [`write_png_rgb8`] but [`ImageError::Write`].
+pub fn png_rgb8(name: &str, width: u32, height: u32, pixels: &[[u8; 3]]) -> Result<Vec<u8>, ImageError> {
+    png_bytes(Path::new(name), width, height, pixels)
+}
+
+fn png_bytes(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) -> Result<Vec<u8>, ImageError> {
     let actual = pixels.len();
     if actual != Image::new(width, height)?.pixels() {
         return Err(ImageError::PixelCount { path: path.into(), width, height, actual });
@@ -24,7 +40,7 @@ pub fn write_png_rgb8(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) 
     PngEncoder::new(&mut bytes)
         .write_image(pixels.as_flattened(), width, height, ExtendedColorType::Rgb8)
         .map_err(|error| ImageError::Encode { path: path.into(), source: Box::new(error) })?;
-    replace_file(path, &bytes).map_err(|source| ImageError::Write { path: path.into(), source })
+    Ok(bytes)
 }
 
 /// Writes one channel as a PNG in the colours of [`false_colour`], the range from `low` to `high` spread over the

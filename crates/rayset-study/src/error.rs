@@ -19,6 +19,22 @@ pub enum StudyError {
     /// An image could not be written.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// Results could not be read.
+    #[error("cannot read `{path}`", path = path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// A figure could not be drawn.
+    #[error("cannot draw {figure}")]
+    Draw {
+        /// What it shows.
+        figure: String,
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// A report could not be written.
     #[error("cannot write `{path}`", path = path.display())]
     Write {

@@ -14,6 +14,7 @@
 mod cost_model;
 mod error;
 mod files;
+mod html;
 mod scenes;
 mod statistics;
 mod study;
@@ -22,6 +23,7 @@ mod table1;
 pub use cost_model::{CostModel, Measurement};
 pub use error::StudyError;
 pub use files::write_file;
+pub use html::ReportPlan;
 pub use scenes::{NamedScene, cornell_box, cornell_spheres, knob, mesh_scenes, sphere_scene};
 pub use statistics::Spread;
 pub use study::{Counts, Distribution, Journal, Key, Kinds, Median, Scale, StudyName};

@@ -7,6 +7,7 @@ mod journal;
 mod map;
 mod runner;
 mod table1_explained;
+mod table1_others;
 mod timed;
 
 use std::path::{Path, PathBuf};
@@ -14,6 +15,9 @@ use std::path::{Path, PathBuf};
 pub use self::counts::{Counts, Distribution, Kinds};
 pub use self::interval::Median;
 pub use self::journal::{Journal, Key};
+pub(crate) use self::cost::{Fit, Fits, Prediction, fits};
+pub(crate) use self::map::{Figures, Plane, Ratios, planes};
+pub(crate) use self::table1_others::{OtherRow, OtherScenes};
 use crate::StudyError;
 
 /// A study by name.
@@ -35,6 +39,8 @@ pub enum Scale {
     Full,
     /// Enough to see that it works: seconds. What it finds counts for the full study too, where that asks for the same.
     Quick,
+    /// A few scenes of a few pixels, for tests of what reads journals.
+    Tiny,
 }
 
 impl StudyName {

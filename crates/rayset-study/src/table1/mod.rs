@@ -3,10 +3,12 @@
 mod paper;
 mod plan;
 mod plot;
+mod recorded;
 mod report;
 mod results;
 mod run;
 
 pub use self::paper::{PAPER, PaperRow};
 pub use self::plan::{Reading, Table1Plan};
+pub(crate) use self::recorded::{Recorded, RecordedRow, RecordedStrategy};
 pub use self::results::{KindRow, ModelReport, OptionsReport, Pictures, Row, StrategyRow, Table1};

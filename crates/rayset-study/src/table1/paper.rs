@@ -1,11 +1,11 @@
 //! The figures that the paper prints.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::CostModel;
 
 /// A row of the paper's Table 1.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PaperRow {
     /// The number of spheres.
     pub spheres: u32,

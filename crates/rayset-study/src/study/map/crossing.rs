@@ -23,8 +23,12 @@ impl Wins {
 
 /// Where a line through two points, over the logarithm of n, is 1.
 fn crossing((n, ratio): (f64, f64), (next_n, next_ratio): (f64, f64)) -> f64 {
-    let share = (1.0 - ratio) / (next_ratio - ratio);
-    (n.log2() + share * (next_n.log2() - n.log2())).exp2()
+    (n.log2() + share(ratio, next_ratio) * (next_n.log2() - n.log2())).exp2()
+}
+
+/// Which part of the way from one ratio to the next it is to 1.
+pub(super) fn share(ratio: f64, next_ratio: f64) -> f64 {
+    (1.0 - ratio) / (next_ratio - ratio)
 }
 
 #[cfg(test)]

@@ -3,9 +3,11 @@
 mod claims;
 mod crossing;
 mod report;
+mod view;
 
 use std::path::Path;
 
+pub(crate) use self::view::{Figures, Plane, Ratios, planes};
 use super::journal::Journal;
 use super::runner::{Experiment, Step, run_missing};
 use super::timed::{Cell, Timed};
@@ -27,10 +29,12 @@ fn sheets(scale: Scale) -> Vec<Sheet> {
     let (all, some) = match scale {
         Scale::Full => (vec![64, 128, 256, 512, 1024, 2048, 4096], vec![256, 1024, 4096]),
         Scale::Quick => (vec![64, 256, 1024], vec![256]),
+        Scale::Tiny => (vec![16, 32], vec![16]),
     };
     let (many, few, seeds) = match scale {
         Scale::Full => (vec![1, 2, 4, 8, 16, 32, 64, 256, 1024, 4096], vec![1, 2, 4, 8, 16, 32], 5),
         Scale::Quick => (vec![1, 4, 16, 64], vec![1, 8], 2),
+        Scale::Tiny => (vec![1, 4, 8, 16], vec![1, 8], 1),
     };
     vec![
         Sheet {

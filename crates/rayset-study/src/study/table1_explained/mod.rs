@@ -38,6 +38,7 @@ impl Plan {
         match scale {
             Scale::Full => Self { screened: 160, focused: 240, seeds: 8, rounds: 4, best: 2, small: false },
             Scale::Quick => Self { screened: 24, focused: 12, seeds: 2, rounds: 1, best: 1, small: true },
+            Scale::Tiny => Self { screened: 4, focused: 2, seeds: 1, rounds: 1, best: 1, small: true },
         }
     }
 

@@ -1,0 +1,123 @@
+//! The results that were written, read back for figures.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::paper::PaperRow;
+use crate::{Spread, StudyError};
+
+/// What a figure needs of `table1.json`; what else is there is left alone.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct Recorded {
+    /// The paper's rows.
+    pub(crate) paper: Vec<PaperRow>,
+    /// Our rows: spheres, then meshes.
+    pub(crate) ours: Vec<RecordedRow>,
+    /// How it was run.
+    pub(crate) options: RecordedOptions,
+}
+
+/// One scene, over all seeds.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct RecordedRow {
+    /// The number of spheres; `None` for a mesh.
+    pub(crate) spheres: Option<u32>,
+    /// The number of seeds.
+    pub(crate) seeds: u64,
+    /// The side of the image, in pixels.
+    pub(crate) resolution: u32,
+    /// What each strategy took, by name.
+    pub(crate) strategies: BTreeMap<String, RecordedStrategy>,
+}
+
+/// What a strategy took for a scene, over all seeds.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct RecordedStrategy {
+    /// Time inside the strategy's calls, in seconds.
+    pub(crate) seconds: f64,
+    /// Coherent rays in percent of the rays cast, over seeds.
+    pub(crate) percent_coherent_spread: Spread,
+    /// Time over that of `standard`, of all pairs.
+    pub(crate) ratio_time_spread: Spread,
+    /// Work over that of `standard`.
+    pub(crate) ratio_work: f64,
+    /// Pixels that differ from those of `standard`, over all seeds.
+    pub(crate) wrong_pixels: u64,
+}
+
+/// How the experiment was run.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct RecordedOptions {
+    /// The side of the sphere images, in pixels.
+    pub(crate) resolution: u32,
+    /// The seeds.
+    pub(crate) seeds: Vec<u64>,
+    /// Repetitions of each sphere frame.
+    pub(crate) repetitions: usize,
+    /// The greatest depth of a tree.
+    pub(crate) max_depth: u32,
+    /// The adaptive cut-off.
+    pub(crate) cutoff: Option<f64>,
+    /// The lanes of both strategies.
+    pub(crate) backend: String,
+    /// The version of the program.
+    pub(crate) version: String,
+    /// All others.
+    #[serde(flatten)]
+    pub(crate) others: BTreeMap<String, Value>,
+}
+
+impl Recorded {
+    /// What [`Table1::write`](super::Table1::write) wrote into a folder; `None` if nothing is there.
+    ///
+    /// # Errors
+    ///
+    /// [`StudyError::Read`] if the file is damaged.
+    pub(crate) fn read(folder: &Path) -> Result<Option<Self>, StudyError> {
+        let path = folder.join("table1.json");
+        let failed = |source: Box<dyn std::error::Error + Send + Sync>| StudyError::Read {
+            path: path.clone(),
+            source,
+        };
+        let text = match fs::read_to_string(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            text => text.map_err(|error| failed(error.into()))?,
+        };
+        serde_json::from_str(&text).map(Some).map_err(|error| failed(error.into()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Table1, Table1Plan};
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let plan = Table1Plan {
+            spheres: vec![1, 8],
+            seeds: vec![1],
+            repetitions: 1,
+            resolution: 16,
+            mesh_resolutions: [0; 4],
+            ..Table1Plan::full("none".into())
+        };
+        let folder = tempfile::tempdir().unwrap();
+        assert!(Recorded::read(folder.path()).unwrap().is_none());
+        let table = Table1::run(&plan, &mut |_| ()).unwrap();
+        table.write(folder.path()).unwrap();
+        let recorded = Recorded::read(folder.path()).unwrap().unwrap();
+        assert_eq!(recorded.paper, table.paper);
+        for (recorded, row) in recorded.ours.iter().zip(&table.ours) {
+            assert_eq!(recorded.spheres, row.spheres);
+            assert!(recorded.strategies.keys().eq(row.strategies.keys()));
+        }
+        fs::write(folder.path().join("table1.json"), "{").unwrap();
+        assert!(matches!(Recorded::read(folder.path()), Err(StudyError::Read { .. })));
+    }
+}
