@@ -49,7 +49,8 @@ fn recorded(plan: &ReportPlan, step: Step<'_>) -> Result<(Fits, Option<String>),
     }
     let scale = if plan.scale == Scale::Full { Scale::Quick } else { plan.scale };
     name.run(&plan.study, scale, 1, &|done, all| step(name.name(), done, all))?;
-    let note = "Nothing is recorded of the full study: this is its quick form, which was run for this report. ";
+    let note =
+        "Nothing is recorded of the full study: this is its quick form, which was run for this report. ";
     let note = if plan.scale == Scale::Full { note } else { "This is the quick form of the study. " };
     Ok((fits(&plan.study, scale)?, Some(format!("{note}`cargo xtask study cost-model` runs all of it."))))
 }
@@ -65,12 +66,12 @@ fn figures(fits: &Fits) -> Result<Markup, StudyError> {
         (low.min(octave.floor() as i32), high.max(octave.ceil() as i32))
     });
     let panel = |fit: &Fit| -> Result<Markup, StudyError> {
-        let dot = |is_fitted| {
-            move |p: &Prediction| Dot { measured: p.measured, predicted: p.predicted, is_fitted }
-        };
+        let dot =
+            |is_fitted| move |p: &Prediction| Dot { measured: p.measured, predicted: p.predicted, is_fitted };
         let dots: Vec<_> =
             fit.fitted.iter().map(dot(true)).chain(fit.tested.iter().map(dot(false))).collect();
-        let caption = format!("{}; other scenes: {}", fit.model, errors(&fit.tested));
+        let [median, worst] = errors(&fit.tested);
+        let caption = format!("{}. Other scenes: median error {median:.1} %, worst {worst:.1} %", fit.model);
         let label = format!("{}, {caption}. The numbers are in the table below.", fit.strategy);
         let svg = Scatter { label, dots: &dots, octaves }.svg()?;
         Ok(html! { figure { (PreEscaped(svg)) figcaption { code { (fit.strategy) } ": " (caption) } } })
@@ -87,11 +88,11 @@ fn figures(fits: &Fits) -> Result<Markup, StudyError> {
     })
 }
 
-/// The median and the worst error.
-fn errors(predictions: &[Prediction]) -> String {
+/// The median and the worst error, in percent.
+fn errors(predictions: &[Prediction]) -> [f64; 2] {
     let errors: Vec<_> = predictions.iter().map(Prediction::error).collect();
     let worst = errors.iter().copied().fold(0.0, f64::max);
-    format!("median error {:.1} %, worst {:.1} %", 100.0 * Median::of(&errors).value, 100.0 * worst)
+    [100.0 * Median::of(&errors).value, 100.0 * worst]
 }
 
 fn table(fits: &Fits) -> Markup {
@@ -102,12 +103,14 @@ fn table(fits: &Fits) -> Markup {
                     "Errors of the predicted ratio of times, as a fraction of the measured one. Section 3 has three constants, the models of counts eight."
                 }
                 thead { tr {
-                    th scope="col" { "strategy" }
-                    th scope="col" { "model" }
-                    th scope="col" { "constants" }
-                    th scope="col" { "fitted scenes" }
-                    th scope="col" { "other scenes" }
-                    th scope="col" { "who wins, told rightly" }
+                    th.text scope="col" { "strategy" }
+                    th.text scope="col" { "model" }
+                    th.text scope="col" { "constants" }
+                    th scope="col" { "fitted scenes: median" }
+                    th scope="col" { "worst" }
+                    th scope="col" { "others: median" }
+                    th scope="col" { "worst" }
+                    th scope="col" { "winner told rightly" }
                 } }
                 tbody {
                     @for fit in &fits.models {
@@ -119,8 +122,9 @@ fn table(fits: &Fits) -> Markup {
                                     (format!("k = {:.1} ns, λ = {:.1} ns, α = {:.1} ns", 1e9 * section.k, 1e9 * section.lambda, 1e9 * section.alpha))
                                 }
                             }
-                            td.text { (errors(&fit.fitted)) }
-                            td.text { (errors(&fit.tested)) }
+                            @for error in [&fit.fitted, &fit.tested].into_iter().flat_map(|part| errors(part)) {
+                                td { (format!("{error:.1} %")) }
+                            }
                             td { (fit.tested.iter().filter(|p| p.is_right()).count()) " of " (fit.tested.len()) }
                         }
                     }

@@ -15,7 +15,7 @@ pub(super) fn section(plan: &ReportPlan, step: Step<'_>) -> Result<Section, Stud
     let body = html! {
         p {
             "Coherence, work and time over the number of spheres and the resolution: medians over seeds. "
-            "Black strokes are where the ratio crosses 1, interpolated in the logarithm of n. "
+            "Black notches are where the ratio crosses 1, interpolated in the logarithm of n. "
             "The row below is the paper's, at a resolution it does not say; for times its ratios are recomputed from its own times, and of work it says nothing."
         }
         @if let Some(note) = note { p.note { (note) } }
@@ -35,7 +35,8 @@ fn recorded(plan: &ReportPlan, step: Step<'_>) -> Result<(Vec<Plane>, Option<Str
     }
     let scale = if plan.scale == Scale::Full { Scale::Quick } else { plan.scale };
     name.run(&plan.study, scale, 1, &|done, all| step(name.name(), done, all))?;
-    let note = "Nothing is recorded of the full study: this is its quick form, which was run for this report. ";
+    let note =
+        "Nothing is recorded of the full study: this is its quick form, which was run for this report. ";
     let note = if plan.scale == Scale::Full { note } else { "This is the quick form of the study. " };
     Ok((planes(&plan.study, scale)?, Some(format!("{note}`cargo xtask study map` runs all of it."))))
 }
@@ -79,12 +80,36 @@ fn strategy(plane: &Plane, name: &str, figures: &Figures) -> Result<Markup, Stud
     };
     // One scale for work and time of all strategies of the sheet, so that colours mean the same in each panel.
     let ratios = plane.strategies.iter().flat_map(|(_, figures)| [&figures.work, &figures.time]);
-    let ratios = Colours::of_ratios(ratios.flat_map(|ratios| ratios.values.iter().flatten().flatten().copied()));
+    let ratios =
+        Colours::of_ratios(ratios.flat_map(|ratios| ratios.values.iter().flatten().flatten().copied()));
+    // Of work the paper says nothing; the row stays, so that panels are alike.
+    let silent = of_paper(&|_| 0.0).map(|row| vec![None; row.len()]);
     let none = vec![Vec::new(); plane.resolutions.len()];
     let panels = [
-        ("coherent rays", &figures.coherence, &none, of_paper(&|row| row.percent_coherent), Colours::Percent, "percent of rays cast"),
-        ("ratio of work", &figures.work.values, &figures.work.crossings, None, ratios, "work over standard: blue is less"),
-        ("ratio of times", &figures.time.values, &figures.time.crossings, of_paper(&|row| row.ratio_recomputed), ratios, "time over standard: blue is less"),
+        (
+            "coherent rays",
+            &figures.coherence,
+            &none,
+            of_paper(&|row| row.percent_coherent),
+            Colours::Percent,
+            "percent of rays cast",
+        ),
+        (
+            "ratio of work",
+            &figures.work.values,
+            &figures.work.crossings,
+            silent,
+            ratios,
+            "work over standard: blue is less",
+        ),
+        (
+            "ratio of times",
+            &figures.time.values,
+            &figures.time.crossings,
+            of_paper(&|row| row.ratio_recomputed),
+            ratios,
+            "time over standard: blue is less",
+        ),
     ];
     let mut drawn = Vec::new();
     for (what, values, crossings, paper, scale, unit) in panels {

@@ -135,7 +135,10 @@ fn of_ours(name: &str, row: &RecordedRow, standard: &RecordedStrategy, measured:
         percent: Some(measured.percent_coherent_spread),
         ratio: Some(measured.ratio_time_spread),
         work: Some(measured.ratio_work),
-        wrong: Some((measured.wrong_pixels, u64::from(row.resolution) * u64::from(row.resolution) * row.seeds)),
+        wrong: Some((
+            measured.wrong_pixels,
+            u64::from(row.resolution) * u64::from(row.resolution) * row.seeds,
+        )),
     }
 }
 
@@ -178,13 +181,13 @@ fn as_table(groups: &[(u32, Vec<Entry>)]) -> Markup {
                 thead {
                     tr {
                         th scope="col" { "n" }
-                        th scope="col" { "source" }
-                        th scope="col" { "time, " code { "standard" } }
-                        th scope="col" { "time, strategy" }
+                        th.text scope="col" { "source" }
                         th scope="col" { "coherent rays, %" }
                         th scope="col" { "ratio of times" }
                         th scope="col" { "ratio of work" }
                         th scope="col" { "wrong pixels" }
+                        th scope="col" { "time, " code { "standard" } }
+                        th scope="col" { "time, strategy" }
                     }
                 }
                 @for (n, entries) in groups {
@@ -193,11 +196,11 @@ fn as_table(groups: &[(u32, Vec<Entry>)]) -> Markup {
                             tr.of-paper[entry.source.starts_with("paper")] {
                                 @if i == 0 { th.n scope="rowgroup" rowspan=(entries.len()) { (n) } }
                                 th.source scope="row" { (entry.source) }
-                                @for time in &entry.times { td { (time) } }
                                 td { (spread(entry.percent.as_ref(), 1)) }
                                 td { (spread(entry.ratio.as_ref(), 3)) }
                                 td { @if let Some(work) = entry.work { (format!("{work:.3}")) } }
                                 td { @if let Some((wrong, of)) = entry.wrong { (wrong) " " small { "of " (of) } } }
+                                @for time in &entry.times { td { (time) } }
                             }
                         }
                     }
@@ -225,11 +228,12 @@ fn figures(groups: &[(u32, Vec<Entry>)]) -> Result<Markup, StudyError> {
     let times = curves(&|entry| entry.ratio);
     let percents = curves(&|entry| entry.percent);
     let work = curves(&|entry| entry.work.map(exactly));
-    let figure = |title: &str, upwards, top, grid, reference, curves: &[Curve]| -> Result<Markup, StudyError> {
-        let label = format!("{title} over the number of spheres; the numbers are in the table above.");
-        let svg = Lines { label, upwards, top, grid, reference, curves }.svg()?;
-        Ok(html! { figure { (PreEscaped(svg)) figcaption { (title) } } })
-    };
+    let figure =
+        |title: &str, upwards, top, grid, reference, curves: &[Curve]| -> Result<Markup, StudyError> {
+            let label = format!("{title} over the number of spheres; the numbers are in the table above.");
+            let svg = Lines { label, upwards, top, grid, reference, curves }.svg()?;
+            Ok(html! { figure { (PreEscaped(svg)) figcaption { (title) } } })
+        };
     Ok(html! {
         div.panels {
             (figure("Ratio of times", "time over standard", 1.0, 0.25, Some(1.0), &times)?)
@@ -292,5 +296,7 @@ fn spheres() -> String {
         SphereSize::Coverage(fraction) => format!("covering {fraction} of the view"),
     };
     let separate = if separate { "separate, " } else { "" };
-    format!("random spheres, {size}, {separate}reflectance {reflectance}, each fourth of glass with transmittance {transmittance}")
+    format!(
+        "random spheres, {size}, {separate}reflectance {reflectance}, each fourth of glass with transmittance {transmittance}"
+    )
 }

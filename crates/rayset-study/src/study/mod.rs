@@ -12,11 +12,11 @@ mod timed;
 
 use std::path::{Path, PathBuf};
 
+pub(crate) use self::cost::{Fit, Fits, Prediction, fits};
 pub use self::counts::{Counts, Distribution, Kinds};
 pub use self::interval::Median;
 pub use self::journal::{Journal, Key};
-pub(crate) use self::cost::{Fit, Fits, Prediction, fits};
-pub(crate) use self::map::{Figures, Plane, Ratios, planes};
+pub(crate) use self::map::{Figures, Plane, planes};
 pub(crate) use self::table1_others::{OtherRow, OtherScenes};
 use crate::StudyError;
 

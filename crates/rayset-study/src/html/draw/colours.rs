@@ -50,7 +50,7 @@ impl Scale {
     }
 
     /// Where a value lies between the ends, from 0 to 1.
-    fn unit(self, value: f64) -> f64 {
+    pub(super) fn unit(self, value: f64) -> f64 {
         match self {
             Self::Percent => value / 100.0,
             Self::Ratio { octaves } => f64::midpoint(value.log2() / octaves, 1.0),
@@ -76,6 +76,16 @@ impl Scale {
         }
     }
 
+    /// Values to write beside the scale.
+    pub(super) fn marks(self) -> Vec<f64> {
+        match self {
+            Self::Percent => vec![0.0, 25.0, 50.0, 75.0, 100.0],
+            Self::Ratio { octaves } => {
+                (-4..=4).map(f64::from).filter(|octave| octave.abs() <= octaves).map(f64::exp2).collect()
+            }
+        }
+    }
+
     /// A value as text.
     pub(in crate::html) fn text(self, value: f64) -> String {
         match self {
@@ -98,10 +108,15 @@ fn between(unit: f64) -> [u8; 3] {
     })
 }
 
-/// Black or white, whichever is easier to read on a colour.
+/// Black or white, whichever contrasts more with a colour.
 pub(super) fn readable_on(RGBColor(red, green, blue): RGBColor) -> RGBColor {
-    let luma = 299 * u32::from(red) + 587 * u32::from(green) + 114 * u32::from(blue);
-    if luma > 140_000 { super::FIXED_BLACK } else { RGBColor(254, 254, 254) }
+    // Squares stand for the transfer of sRGB. Where the luminance is 0.18, both contrast alike (WCAG 2).
+    let luminance =
+        [(red, 0.2126), (green, 0.7152), (blue, 0.0722)].into_iter().fold(0.0, |sum, (byte, weight)| {
+            let unit = f64::from(byte) / 255.0;
+            sum + weight * unit * unit
+        });
+    if luminance > 0.18 { super::FIXED_BLACK } else { RGBColor(254, 254, 254) }
 }
 
 #[cfg(test)]

@@ -28,12 +28,16 @@ pub(in crate::html) struct HeatMap<'a> {
 }
 
 const WIDTH: i32 = 420;
-const LEFT: i32 = 62;
+const LEFT: i32 = 64;
 const TOP: i32 = 6;
+/// The least height of a cell.
 const CELL: i32 = 28;
+/// The least height of the plane: room for what its rows are.
+const PLANE: i32 = 100;
 const GAP: i32 = 8;
+const NOTCH: i32 = 6;
 /// From the cells to the lower edge: numbers, what they are, and the scale.
-const BELOW: i32 = 88;
+const BELOW: i32 = 96;
 
 impl HeatMap<'_> {
     pub(in crate::html) fn svg(&self) -> Result<String, StudyError> {
@@ -41,7 +45,7 @@ impl HeatMap<'_> {
         svg(&self.label, (WIDTH.unsigned_abs(), height.unsigned_abs()), |area| {
             self.draw_cells(area)?;
             self.draw_axes(area)?;
-            self.draw_scale(area, self.bottom() + 44)
+            self.draw_scale(area, self.bottom() + 48)
         })
     }
 
@@ -49,14 +53,19 @@ impl HeatMap<'_> {
         place(self.rows.len())
     }
 
+    /// The height of a cell.
+    fn cell(&self) -> i32 {
+        CELL.max(PLANE / self.n_rows().max(1))
+    }
+
     /// The lower edge of the plane.
     fn plane_bottom(&self) -> i32 {
-        TOP + CELL * self.n_rows()
+        TOP + self.cell() * self.n_rows()
     }
 
     /// The lower edge of all cells.
     fn bottom(&self) -> i32 {
-        self.plane_bottom() + if self.paper.is_some() { GAP + CELL } else { 0 }
+        self.plane_bottom() + if self.paper.is_some() { GAP + self.cell() } else { 0 }
     }
 
     /// The left edge of a column; those between columns too.
@@ -67,12 +76,15 @@ impl HeatMap<'_> {
 
     fn draw_cells(&self, area: &Area<'_>) -> Result<(), Failure> {
         for (row, values) in self.values.iter().enumerate() {
-            let y = self.plane_bottom() - CELL * (place(row) + 1);
+            let y = self.plane_bottom() - self.cell() * (place(row) + 1);
             self.draw_row(area, y, values)?;
             for crossing in self.crossings.get(row).into_iter().flatten() {
                 let x = self.x(crossing + 0.5);
-                line(area, (x, y), (x, y + CELL), WHITE, 5)?;
-                line(area, (x, y), (x, y + CELL), FIXED_BLACK, 2)?;
+                // Notches at both edges: the number between them stays readable.
+                for (from, to) in [(y, y + NOTCH), (y + self.cell() - 1 - NOTCH, y + self.cell() - 1)] {
+                    line(area, (x, from), (x, to), WHITE, 6)?;
+                    line(area, (x, from), (x, to), FIXED_BLACK, 3)?;
+                }
             }
         }
         match &self.paper {
@@ -84,21 +96,21 @@ impl HeatMap<'_> {
     fn draw_row(&self, area: &Area<'_>, y: i32, values: &[Option<f64>]) -> Result<(), Failure> {
         for (i, value) in values.iter().enumerate() {
             let column = f64::from(place(i));
-            let (from, to) = ((self.x(column), y), (self.x(column + 1.0), y + CELL));
+            let (from, to) = ((self.x(column), y), (self.x(column + 1.0), y + self.cell()));
             let Some(value) = *value else {
                 // Nothing is known: a stroke, no colour of the scale.
-                line(area, (from.0 + 8, y + CELL / 2), (to.0 - 8, y + CELL / 2), RULE, 1)?;
+                line(area, (from.0 + 8, y + self.cell() / 2), (to.0 - 8, y + self.cell() / 2), RULE, 1)?;
                 continue;
             };
             let colour = self.scale.colour(value);
             rectangle(area, from, (to.0 - 1, to.1 - 1), colour)?;
-            let middle = (i32::midpoint(from.0, to.0), y + CELL / 2);
+            let middle = (i32::midpoint(from.0, to.0), y + self.cell() / 2);
             text(
                 area,
                 &self.scale.text(value),
                 middle,
                 (HPos::Center, VPos::Center),
-                11,
+                14,
                 readable_on(colour),
             )?;
         }
@@ -108,21 +120,21 @@ impl HeatMap<'_> {
     fn draw_axes(&self, area: &Area<'_>) -> Result<(), Failure> {
         let right = (HPos::Right, VPos::Center);
         for (row, side) in self.rows.iter().enumerate() {
-            let y = self.plane_bottom() - CELL * place(row) - CELL / 2;
-            text(area, &side.to_string(), (LEFT - 6, y), right, 12, INK)?;
+            let y = self.plane_bottom() - self.cell() * place(row) - self.cell() / 2;
+            text(area, &side.to_string(), (LEFT - 6, y), right, 15, INK)?;
         }
-        upwards(area, "pixels a side", (9, i32::midpoint(TOP, self.plane_bottom())), 12)?;
+        upwards(area, "pixels a side", (9, i32::midpoint(TOP, self.plane_bottom())), 15)?;
         if self.paper.is_some() {
-            let y = self.plane_bottom() + GAP + CELL / 2;
-            text(area, "paper", (LEFT - 6, y), right, 12, INK)?;
+            let y = self.plane_bottom() + GAP + self.cell() / 2;
+            text(area, "paper", (LEFT - 6, y), right, 15, INK)?;
         }
         let bottom = self.bottom();
         for (column, n) in self.columns.iter().enumerate() {
             let x = self.x(f64::from(place(column)) + 0.5);
-            text(area, &n.to_string(), (x, bottom + 5), (HPos::Center, VPos::Top), 12, INK)?;
+            text(area, &n.to_string(), (x, bottom + 5), (HPos::Center, VPos::Top), 15, INK)?;
         }
         let middle = i32::midpoint(LEFT, WIDTH - 6);
-        text(area, "n, spheres", (middle, bottom + 21), (HPos::Center, VPos::Top), 12, INK)
+        text(area, "n, spheres", (middle, bottom + 23), (HPos::Center, VPos::Top), 15, INK)
     }
 
     fn draw_scale(&self, area: &Area<'_>, y: i32) -> Result<(), Failure> {
@@ -132,14 +144,16 @@ impl HeatMap<'_> {
         for step in 0..steps {
             let [low, high] = [step, step + 1].map(|step| f64::from(step) / f64::from(steps));
             let colour = self.scale.colour(self.scale.value(f64::midpoint(low, high)));
-            rectangle(area, (x(low), y), (x(high), y + 10), colour)?;
+            // One pixel more than its share: no gap shows when the figure is scaled.
+            rectangle(area, (x(low), y), ((x(high) + 1).min(to), y + 10), colour)?;
         }
-        for unit in [0.0, 0.25, 0.5, 0.75, 1.0] {
-            line(area, (x(unit), y + 10), (x(unit), y + 13), INK, 1)?;
-            let value = self.scale.text(self.scale.value(unit));
-            text(area, &value, (x(unit), y + 15), (HPos::Center, VPos::Top), 11, INK)?;
+        for value in self.scale.marks() {
+            let x = x(self.scale.unit(value));
+            line(area, (x, y + 10), (x, y + 13), INK, 1)?;
+            let shown = if value < 1.0 { value.to_string() } else { format!("{value:.0}") };
+            text(area, &shown, (x, y + 15), (HPos::Center, VPos::Top), 14, INK)?;
         }
         let middle = i32::midpoint(from, to);
-        text(area, self.unit, (middle, y + 29), (HPos::Center, VPos::Top), 11, INK)
+        text(area, self.unit, (middle, y + 31), (HPos::Center, VPos::Top), 14, INK)
     }
 }

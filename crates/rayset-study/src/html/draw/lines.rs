@@ -38,11 +38,11 @@ const RIGHT: i32 = WIDTH - 16;
 const TOP: i32 = 12;
 const BOTTOM: i32 = 262;
 /// The height of a line of the legend.
-const ENTRY: i32 = 18;
+const ENTRY: i32 = 20;
 
 impl Lines<'_> {
     pub(in crate::html) fn svg(&self) -> Result<String, StudyError> {
-        let height = BOTTOM + 46 + ENTRY * place(self.curves.len()) + 4;
+        let height = BOTTOM + 50 + ENTRY * place(self.curves.len()) + 4;
         let points = || self.curves.iter().flat_map(|curve| &curve.points);
         let values = points().flat_map(|&(_, value, quartiles)| [value, quartiles.map_or(value, |q| q.1)]);
         let top = (values.fold(self.top, f64::max) / self.grid).ceil() * self.grid;
@@ -61,16 +61,16 @@ impl Lines<'_> {
             while level <= top * 1.0001 {
                 line(area, (LEFT, y(level)), (RIGHT, y(level)), RULE, 1)?;
                 let shown = if self.grid < 1.0 { format!("{level:.2}") } else { format!("{level:.0}") };
-                text(area, &shown, (LEFT - 6, y(level)), (HPos::Right, VPos::Center), 12, INK)?;
+                text(area, &shown, (LEFT - 6, y(level)), (HPos::Right, VPos::Center), 15, INK)?;
                 level += self.grid;
             }
             for &n in &numbers {
                 line(area, (x(n), BOTTOM), (x(n), BOTTOM + 4), INK, 1)?;
-                text(area, &n.to_string(), (x(n), BOTTOM + 7), (HPos::Center, VPos::Top), 12, INK)?;
+                text(area, &n.to_string(), (x(n), BOTTOM + 7), (HPos::Center, VPos::Top), 15, INK)?;
             }
             let middle = i32::midpoint(LEFT, RIGHT);
-            text(area, "n, spheres", (middle, BOTTOM + 23), (HPos::Center, VPos::Top), 12, INK)?;
-            upwards(area, self.upwards, (9, i32::midpoint(TOP, BOTTOM)), 12)?;
+            text(area, "n, spheres", (middle, BOTTOM + 25), (HPos::Center, VPos::Top), 15, INK)?;
+            upwards(area, self.upwards, (9, i32::midpoint(TOP, BOTTOM)), 15)?;
             line(area, (LEFT, BOTTOM), (RIGHT, BOTTOM), INK, 1)?;
             if let Some(reference) = self.reference {
                 line(area, (LEFT, y(reference)), (RIGHT, y(reference)), INK, 2)?;
@@ -79,11 +79,11 @@ impl Lines<'_> {
                 curve.draw(area, &x, &y)?;
             }
             for (i, curve) in self.curves.iter().enumerate() {
-                let at = BOTTOM + 50 + ENTRY * place(i);
+                let at = BOTTOM + 58 + ENTRY * place(i);
                 let colour = data_colour(curve.style);
                 line(area, (LEFT, at), (LEFT + 28, at), colour, 2)?;
                 marker(area, curve.style, (LEFT + 14, at), colour)?;
-                text(area, &curve.name, (LEFT + 36, at), (HPos::Left, VPos::Center), 12, INK)?;
+                text(area, &curve.name, (LEFT + 36, at), (HPos::Left, VPos::Center), 15, INK)?;
             }
             Ok(())
         })

@@ -85,8 +85,9 @@ fn marker(area: &Area<'_>, shape: usize, at: (i32, i32), color: RGBColor) -> Res
         2 => area.draw(&Rectangle::new([(at.0 - 4, at.1 - 4), (at.0 + 4, at.1 + 4)], color.filled()))?,
         3 => area.draw(&Cross::new(at, 4, color.stroke_width(2)))?,
         4 => area.draw(&Circle::new(at, 5, color.stroke_width(2)))?,
-        _ => area
-            .draw(&Rectangle::new([(at.0 - 4, at.1 - 4), (at.0 + 4, at.1 + 4)], color.stroke_width(2)))?,
+        _ => {
+            area.draw(&Rectangle::new([(at.0 - 4, at.1 - 4), (at.0 + 4, at.1 + 4)], color.stroke_width(2)))?
+        }
     }
     Ok(())
 }

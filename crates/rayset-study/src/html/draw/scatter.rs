@@ -41,7 +41,7 @@ impl Scatter<'_> {
             pixel(unit.clamp(0.0, 1.0) * f64::from(SIDE))
         };
         let at = |x: f64, y: f64| (LEFT + along(x), BOTTOM - along(y));
-        let (width, height) = ((RIGHT + 24).unsigned_abs(), (BOTTOM + 62).unsigned_abs());
+        let (width, height) = ((RIGHT + 24).unsigned_abs(), (BOTTOM + 68).unsigned_abs());
         svg(&self.label, (width, height), |area| {
             for octave in self.octaves.0..=self.octaves.1 {
                 let value = f64::from(octave).exp2();
@@ -50,8 +50,8 @@ impl Scatter<'_> {
                 line(area, (x, TOP), (x, BOTTOM), RULE, width)?;
                 line(area, (LEFT, y), (RIGHT, y), RULE, width)?;
                 let shown = format!("{value}");
-                text(area, &shown, (x, BOTTOM + 5), (HPos::Center, VPos::Top), 12, INK)?;
-                text(area, &shown, (LEFT - 6, y), (HPos::Right, VPos::Center), 12, INK)?;
+                text(area, &shown, (x, BOTTOM + 5), (HPos::Center, VPos::Top), 15, INK)?;
+                text(area, &shown, (LEFT - 6, y), (HPos::Right, VPos::Center), 15, INK)?;
             }
             line(area, (LEFT, BOTTOM), (RIGHT, TOP), INK, 1)?;
             for dot in self.dots {
@@ -59,13 +59,13 @@ impl Scatter<'_> {
                 draw(area, at, dot.is_fitted)?;
             }
             let middle = i32::midpoint(LEFT, RIGHT);
-            text(area, "measured ratio of times", (middle, BOTTOM + 22), (HPos::Center, VPos::Top), 12, INK)?;
-            upwards(area, "predicted ratio of times", (9, i32::midpoint(TOP, BOTTOM)), 12)?;
-            let legend = BOTTOM + 50;
+            text(area, "measured ratio of times", (middle, BOTTOM + 24), (HPos::Center, VPos::Top), 15, INK)?;
+            upwards(area, "predicted ratio of times", (9, i32::midpoint(TOP, BOTTOM)), 15)?;
+            let legend = BOTTOM + 56;
             draw(area, (LEFT + 30, legend), true)?;
-            text(area, "fitted scenes", (LEFT + 40, legend), (HPos::Left, VPos::Center), 12, INK)?;
+            text(area, "fitted scenes", (LEFT + 40, legend), (HPos::Left, VPos::Center), 15, INK)?;
             draw(area, (LEFT + 170, legend), false)?;
-            text(area, "other scenes", (LEFT + 180, legend), (HPos::Left, VPos::Center), 12, INK)
+            text(area, "other scenes", (LEFT + 180, legend), (HPos::Left, VPos::Center), 15, INK)
         })
     }
 }

@@ -26,9 +26,16 @@ struct Gallery {
 /// The number of spheres and the seed: the last row of Table 1, as its first seed has it.
 const SPHERES: (u32, u64) = (8, 1);
 
+/// As in Table 1: what `coherent` takes for worth its while depends on the lanes, and pictures are to be the same everywhere.
+const LANES: Backend = Backend::Scalar;
+
 pub(super) fn section(plan: &ReportPlan, step: Step<'_>) -> Result<Section, StudyError> {
     let scenes = [
-        (sphere_scene(SPHERES.0, SPHERES.1)?, "random spheres of Table 1, seed 1; two of eight are glass", plan.sides[0]),
+        (
+            sphere_scene(SPHERES.0, SPHERES.1)?,
+            "random spheres of Table 1, seed 1; two of eight are glass",
+            plan.sides[0],
+        ),
         (cornell_spheres(&plan.fixtures)?, "a mesh: obj/cornell/CornellBox-Sphere.obj", plan.sides[1]),
     ];
     let all = scenes.len() * strategies(&scenes[0].0).len();
@@ -53,11 +60,11 @@ pub(super) fn section(plan: &ReportPlan, step: Step<'_>) -> Result<Section, Stud
 
 /// Every strategy of the engine, `standard` first, and the reading of the text that comes nearest to the paper.
 fn strategies(scene: &NamedScene) -> Vec<(String, Box<dyn IntersectionStrategy + '_>)> {
-    let of = |kind: &StrategyKind| (kind.name().to_owned(), kind.bind(&scene.scene));
+    let of = |kind: &StrategyKind| (kind.name().to_owned(), kind.bind_on(&scene.scene, LANES));
     let mut strategies: Vec<_> = StrategyKind::ALL.iter().map(of).collect();
     strategies.sort_by_key(|(name, _)| name != StrategyKind::Standard.name());
     let Reading { name, options } = Reading::with_misses();
-    strategies.push((name, Box::new(Speer1985::on(&scene.scene, Backend::active(), options))));
+    strategies.push((name, Box::new(Speer1985::on(&scene.scene, LANES, options))));
     strategies
 }
 
@@ -123,6 +130,7 @@ impl Gallery {
                     ("image", format!("{0} x {0} pixels, one eye ray a pixel, one sweep in scanline order", self.side)),
                     ("depth", self.options.max_depth.to_string()),
                     ("cut-off", cutoff(self.options.cutoff)),
+                    ("lanes", LANES.name().to_owned()),
                     ("strategies", self.strategies.join(", ")),
                     ("version", env!("CARGO_PKG_VERSION").to_owned()),
                 ]))

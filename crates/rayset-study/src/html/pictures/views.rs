@@ -72,14 +72,21 @@ pub(super) fn coherent(scene: &str, strategy: &str, frame: &Frame) -> Result<Opt
     Ok(Some(View {
         label: format!("Coherent fraction, {strategy}"),
         source: data_uri(frame, &false_colour(fractions))?,
-        alternative: format!("{scene}: which fraction of each pixel's rays {strategy} found coherent. {caption}"),
+        alternative: format!(
+            "{scene}: which fraction of each pixel's rays {strategy} found coherent. {caption}"
+        ),
         caption,
         legend: Legend::Percent,
     }))
 }
 
 /// The pixels that differ, over the picture in grey.
-pub(super) fn wrong(scene: &str, strategy: &str, frame: &Frame, standard: &Frame) -> Result<View, StudyError> {
+pub(super) fn wrong(
+    scene: &str,
+    strategy: &str,
+    frame: &Frame,
+    standard: &Frame,
+) -> Result<View, StudyError> {
     let marks = frame.integers("wrong.1985").unwrap_or_default();
     let mut pixels: Vec<_> = colours(standard)?.into_iter().map(pale).collect();
     let (width, height) = (frame.width as usize, frame.height as usize);

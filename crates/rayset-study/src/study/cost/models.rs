@@ -43,8 +43,6 @@ pub(crate) struct Fit {
 /// A ratio of times of a scene: of the strategy over `standard`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prediction {
-    /// The number of spheres.
-    pub(crate) spheres: u32,
     /// What was measured.
     pub(crate) measured: f64,
     /// What the model predicts.
@@ -131,16 +129,17 @@ impl Fits {
                 };
                 cost(ours, strategy) / cost(standard, 0)
             };
-            let fit_of =
-                |model, constants, predicted: &dyn Fn(&Point<'_>) -> f64| Fit {
-                    strategy: name,
-                    model,
-                    constants,
-                    fitted: predictions(&fit, strategy, predicted),
-                    tested: predictions(&test, strategy, predicted),
-                };
+            let fit_of = |model, constants, predicted: &dyn Fn(&Point<'_>) -> f64| Fit {
+                strategy: name,
+                model,
+                constants,
+                fitted: predictions(&fit, strategy, predicted),
+                tested: predictions(&test, strategy, predicted),
+            };
             models.push(fit_of("section 3", Some(section), &by_section));
-            models.push(fit_of("counts, each strategy by itself", None, &|point| by_counts(&standard, &ours, point)));
+            models.push(fit_of("counts, each strategy by itself", None, &|point| {
+                by_counts(&standard, &ours, point)
+            }));
             models.push(fit_of("counts, one set for all", None, &|point| by_counts(&shared, &shared, point)));
             constants.push((name, ours));
         }
@@ -155,7 +154,6 @@ fn predictions(
     predicted: &dyn Fn(&Point<'_>) -> f64,
 ) -> Vec<Prediction> {
     let of = |point: &Point<'_>| Prediction {
-        spheres: point.cell.spheres,
         measured: point.timed.seconds(strategy) / point.timed.seconds(0),
         predicted: predicted(point),
     };

@@ -7,7 +7,7 @@ mod view;
 
 use std::path::Path;
 
-pub(crate) use self::view::{Figures, Plane, Ratios, planes};
+pub(crate) use self::view::{Figures, Plane, planes};
 use super::journal::Journal;
 use super::runner::{Experiment, Step, run_missing};
 use super::timed::{Cell, Timed};

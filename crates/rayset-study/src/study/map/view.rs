@@ -63,8 +63,7 @@ pub(crate) fn planes(folder: &Path, scale: Scale) -> Result<Vec<Plane>, StudyErr
 fn plane(sheet: &Sheet, journal: &Journal<Timed>) -> Plane {
     let median = |figure: &dyn Fn(&Timed) -> f64| -> Vec<Vec<Option<f64>>> {
         let cell = |n: u32, side: u32| {
-            let values: Vec<_> =
-                sheet.timed(journal, n, side).iter().map(|timed| figure(timed)).collect();
+            let values: Vec<_> = sheet.timed(journal, n, side).iter().map(|timed| figure(timed)).collect();
             Some(Median::of(&values).value).filter(|value| value.is_finite())
         };
         let row = |&side: &u32| sheet.spheres.iter().map(|&n| cell(n, side)).collect();
