@@ -55,20 +55,27 @@ fn sheet(plan: &ReportPlan, number: usize, plane: &Plane) -> Result<Markup, Stud
             @if finished < all { p.note { (finished) " of " (all) " experiments are finished." } }
             @if finished > 0 {
                 @for panel in panels { (panel) }
-                (made(&[
-                    ("command", "cargo xtask study map".to_owned()),
-                    ("drawn by", plan.command.clone()),
-                    ("scenes", format!("random spheres, size {}, reflectance 0.3", plane.size)),
-                    ("order", plane.order.to_owned()),
-                    ("seeds", numbers(&(1..=plane.seeds).collect::<Vec<_>>())),
-                    ("repetitions", "3, the strategies in turn; strips of whole rows of large images".to_owned()),
-                    ("lanes", "scalar, one thread".to_owned()),
-                    ("record", format!("{finished} of {all} experiments in map.jsonl")),
-                    ("version", plane.version.clone()),
-                ]))
+                (provenance(plan, plane))
             }
         }
     })
+}
+
+fn provenance(plan: &ReportPlan, plane: &Plane) -> Markup {
+    let (all, finished) = plane.n_experiments;
+    let mut entries = vec![
+        ("command", "cargo xtask study map".to_owned()),
+        ("drawn by", plan.command.clone()),
+        ("scenes", "random spheres; large images by strips of whole rows".to_owned()),
+        ("seeds", numbers(&(1..=plane.seeds).collect::<Vec<_>>())),
+    ];
+    entries.extend(plane.shared.iter().cloned());
+    entries.extend([
+        ("times", "one thread, scalar lanes, the strategies in turn".to_owned()),
+        ("record", format!("{finished} of {all} experiments in map.jsonl")),
+        ("version", plane.version.clone()),
+    ]);
+    made(&entries)
 }
 
 /// One row of panels.

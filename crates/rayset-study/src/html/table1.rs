@@ -4,7 +4,7 @@ use maud::{Markup, PreEscaped, html};
 use rayset_engine::{Backend, StrategyKind};
 use rayset_scene::{RandomSpheres, SphereSize};
 
-use super::draw::{Curve, Lines};
+use super::draw::{Curve, Lines, Point};
 use super::provenance::{cutoff, made, numbers};
 use super::{ReportPlan, Section, Step};
 use crate::study::{OtherRow, OtherScenes};
@@ -219,7 +219,7 @@ fn figures(groups: &[(u32, Vec<Entry>)]) -> Result<Markup, StudyError> {
                 let spread = value(entries.iter().find(|entry| entry.source == source.source)?)?;
                 let quartiles = (spread.lower_quartile < spread.upper_quartile)
                     .then_some((spread.lower_quartile, spread.upper_quartile));
-                Some((*n, spread.median, quartiles))
+                Some(Point { n: *n, value: spread.median, quartiles })
             });
             Curve { name: source.source.clone(), style: source.style, points: points.collect() }
         };

@@ -97,6 +97,27 @@ impl Cell {
     }
 }
 
+/// The parameters that some cells share, by name; those in which they differ are left out.
+pub(super) fn shared(cells: &[Cell]) -> Vec<(&'static str, String)> {
+    let mut parameters = cells.first().map(Cell::parameters).unwrap_or_default();
+    for cell in cells {
+        let others = cell.parameters();
+        parameters.retain(|parameter| others.contains(parameter));
+    }
+    parameters
+}
+
+/// Every value that a parameter of some cells takes, in order of appearance.
+pub(super) fn values(cells: &[Cell], parameter: &str) -> Vec<String> {
+    let mut values = Vec::new();
+    for (name, value) in cells.iter().flat_map(Cell::parameters) {
+        if name == parameter && !values.contains(&value) {
+            values.push(value);
+        }
+    }
+    values
+}
+
 impl Experiment for Cell {
     type Record = Timed;
 

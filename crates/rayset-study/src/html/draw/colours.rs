@@ -17,7 +17,7 @@ pub(in crate::html) enum Scale {
 
 /// Nine of `RdBu`, from blue to red, which colour-blind readers tell apart.
 ///
-/// Source: Brewer, ColorBrewer 2.0.
+/// Source: Brewer, `ColorBrewer` 2.0.
 const BLUE_TO_RED: [[u8; 3]; 9] = [
     [33, 102, 172],
     [67, 147, 195],

@@ -28,8 +28,19 @@ pub(in crate::html) struct Curve {
     pub(in crate::html) name: String,
     /// Colour and shape: the same number is the same source in every figure.
     pub(in crate::html) style: usize,
-    /// Numbers of spheres and values, with quartiles where there are any.
-    pub(in crate::html) points: Vec<(u32, f64, Option<(f64, f64)>)>,
+    /// Its points, in the order of the numbers of spheres.
+    pub(in crate::html) points: Vec<Point>,
+}
+
+/// A point of a curve.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::html) struct Point {
+    /// The number of spheres.
+    pub(in crate::html) n: u32,
+    /// The value.
+    pub(in crate::html) value: f64,
+    /// Its quartiles, where there are any.
+    pub(in crate::html) quartiles: Option<(f64, f64)>,
 }
 
 const WIDTH: i32 = 420;
@@ -44,9 +55,9 @@ impl Lines<'_> {
     pub(in crate::html) fn svg(&self) -> Result<String, StudyError> {
         let height = BOTTOM + 50 + ENTRY * place(self.curves.len()) + 4;
         let points = || self.curves.iter().flat_map(|curve| &curve.points);
-        let values = points().flat_map(|&(_, value, quartiles)| [value, quartiles.map_or(value, |q| q.1)]);
+        let values = points().flat_map(|p| [p.value, p.quartiles.map_or(p.value, |q| q.1)]);
         let top = (values.fold(self.top, f64::max) / self.grid).ceil() * self.grid;
-        let mut numbers: Vec<u32> = points().map(|point| point.0).collect();
+        let mut numbers: Vec<u32> = points().map(|point| point.n).collect();
         numbers.sort_unstable();
         numbers.dedup();
         let [least, greatest] =
@@ -99,9 +110,10 @@ impl Curve {
     ) -> Result<(), Failure> {
         let colour = data_colour(self.style);
         for pair in self.points.windows(2) {
-            line(area, (x(pair[0].0), y(pair[0].1)), (x(pair[1].0), y(pair[1].1)), colour, 2)?;
+            let [from, to] = [pair[0], pair[1]].map(|point| (x(point.n), y(point.value)));
+            line(area, from, to, colour, 2)?;
         }
-        for &(n, value, quartiles) in &self.points {
+        for &Point { n, value, quartiles } in &self.points {
             if let Some((low, high)) = quartiles {
                 line(area, (x(n), y(low)), (x(n), y(high)), colour, 1)?;
             }

@@ -11,7 +11,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 pub(super) use self::colours::{Scale, data_colour};
 pub(super) use self::heat::HeatMap;
-pub(super) use self::lines::{Curve, Lines};
+pub(super) use self::lines::{Curve, Lines, Point};
 pub(super) use self::scatter::{Dot, Scatter};
 use crate::StudyError;
 

@@ -16,7 +16,7 @@ use crate::{NamedScene, Reading, StudyError, cornell_spheres, sphere_scene};
 /// A scene with what is shown of it.
 struct Gallery {
     name: String,
-    what: &'static str,
+    what: String,
     side: u32,
     options: RenderOptions,
     strategies: Vec<String>,
@@ -33,10 +33,14 @@ pub(super) fn section(plan: &ReportPlan, step: Step<'_>) -> Result<Section, Stud
     let scenes = [
         (
             sphere_scene(SPHERES.0, SPHERES.1)?,
-            "random spheres of Table 1, seed 1; two of eight are glass",
+            format!("{} random spheres of Table 1, seed {}", SPHERES.0, SPHERES.1),
             plan.sides[0],
         ),
-        (cornell_spheres(&plan.fixtures)?, "a mesh: obj/cornell/CornellBox-Sphere.obj", plan.sides[1]),
+        (
+            cornell_spheres(&plan.fixtures)?,
+            "a mesh, obj/cornell/CornellBox-Sphere.obj of the fixtures".to_owned(),
+            plan.sides[1],
+        ),
     ];
     let all = scenes.len() * strategies(&scenes[0].0).len();
     let mut done = 0;
@@ -68,12 +72,7 @@ fn strategies(scene: &NamedScene) -> Vec<(String, Box<dyn IntersectionStrategy +
     strategies
 }
 
-fn gallery(
-    scene: &NamedScene,
-    what: &'static str,
-    side: u32,
-    step: &mut dyn FnMut(),
-) -> Result<Gallery, StudyError> {
+fn gallery(scene: &NamedScene, what: &str, side: u32, step: &mut dyn FnMut()) -> Result<Gallery, StudyError> {
     let options = RenderOptions {
         width: side,
         height: side,
@@ -101,7 +100,7 @@ fn gallery(
         names.push(name);
     }
     views.extend(wrongs);
-    Ok(Gallery { name: scene.name.clone(), what, side, options, strategies: names, views })
+    Ok(Gallery { name: scene.name.clone(), what: what.to_owned(), side, options, strategies: names, views })
 }
 
 impl Gallery {

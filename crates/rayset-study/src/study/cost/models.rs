@@ -5,7 +5,7 @@ use crate::study::counts::{Counts, float};
 use crate::study::interval::Median;
 use crate::study::journal::Journal;
 use crate::study::runner::Experiment;
-use crate::study::timed::{Cell, STRATEGIES, Timed};
+use crate::study::timed::{Cell, STRATEGIES, Timed, values};
 use crate::{CostModel, Measurement};
 
 /// What the journal says of every model.
@@ -21,6 +21,8 @@ pub(crate) struct Fits {
     pub(crate) models: Vec<Fit>,
     /// The coefficients of [`FEATURES`] in seconds: for each strategy by itself, and for all together.
     pub(super) coefficients: Vec<(&'static str, Vec<f64>)>,
+    /// The scenes to fit to and the others in words.
+    pub(crate) scenes: [String; 2],
     /// The program's version, as journals know it.
     pub(crate) version: String,
 }
@@ -104,10 +106,11 @@ impl Fits {
         };
         let (n_fit, n_test) = (fit.len(), test.len());
         let version = fit.first().map_or_else(String::new, |cell| cell.version().to_owned());
+        let scenes = [fit, test].map(described);
         let (fit, test) = (points(fit), points(test));
         let (n_fitted, n_tested) = ((n_fit, fit.len()), (n_test, test.len()));
         if fit.is_empty() || test.is_empty() {
-            return Self { n_fitted, n_tested, noise: f64::NAN, version, ..Self::default() };
+            return Self { n_fitted, n_tested, noise: f64::NAN, scenes, version, ..Self::default() };
         }
         let noise = (1..STRATEGIES.len()).flat_map(|i| test.iter().map(move |point| point.timed.noise(i)));
         let noise = Median::of(&noise.collect::<Vec<_>>()).value;
@@ -144,8 +147,15 @@ impl Fits {
             constants.push((name, ours));
         }
         constants.push(("all four", shared));
-        Self { n_fitted, n_tested, noise, models, coefficients: constants, version }
+        Self { n_fitted, n_tested, noise, models, coefficients: constants, scenes, version }
     }
+}
+
+/// The parameters of some cells in words.
+fn described(cells: &[Cell]) -> String {
+    let parameter = |name: &str| format!("{name} {}", values(cells, name).join(", "));
+    let names = ["n", "size", "reflectance", "seed", "resolution", "repetitions"];
+    names.map(parameter).join("; ")
 }
 
 fn predictions(

@@ -8,7 +8,7 @@ use crate::StudyError;
 use crate::study::interval::Median;
 use crate::study::journal::Journal;
 use crate::study::runner::Experiment;
-use crate::study::timed::{STRATEGIES, Timed};
+use crate::study::timed::{STRATEGIES, Timed, shared};
 use crate::study::{Scale, StudyName};
 
 /// A sheet of the map: medians over seeds.
@@ -16,10 +16,8 @@ use crate::study::{Scale, StudyName};
 pub(crate) struct Plane {
     /// Which spheres, in which order of pixels.
     pub(crate) title: &'static str,
-    /// The size of the spheres, as the journal names it.
-    pub(crate) size: &'static str,
-    /// The order of pixels, as the journal names it.
-    pub(crate) order: &'static str,
+    /// The parameters that all cells share, as the journal names them.
+    pub(crate) shared: Vec<(&'static str, String)>,
     /// The columns: numbers of spheres.
     pub(crate) spheres: Vec<u32>,
     /// The rows: sides of the square images, in pixels.
@@ -77,8 +75,7 @@ fn plane(sheet: &Sheet, journal: &Journal<Timed>) -> Plane {
     let finished = sheet.cells().filter(|cell| journal.get(&cell.key()).is_some()).count();
     Plane {
         title: sheet.title,
-        size: sheet.size,
-        order: if sheet.tiles { "tiles-8" } else { "scanline" },
+        shared: shared(&sheet.cells().collect::<Vec<_>>()),
         spheres: sheet.spheres.clone(),
         resolutions: sheet.resolutions.clone(),
         seeds: sheet.seeds,
