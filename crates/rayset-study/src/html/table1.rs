@@ -110,6 +110,11 @@ fn exactly(value: f64) -> Spread {
     Spread::of(&[value])
 }
 
+/// A value of all seeds together in the place of their median.
+fn pooled(value: f64, spread: Spread) -> Spread {
+    Spread { median: value, ..spread }
+}
+
 fn of_paper(paper: &PaperRow) -> [Entry; 2] {
     let hours = [paper.hours_standard, paper.hours_coherent].map(|hours| format!("{hours} h"));
     let entry = |source: &str, times: [String; 2], percent, ratio| Entry {
@@ -132,7 +137,7 @@ fn of_ours(name: &str, row: &RecordedRow, standard: &RecordedStrategy, measured:
         source: name.to_owned(),
         style: 0,
         times: [standard, measured].map(|measured| milliseconds(measured.seconds)),
-        percent: Some(measured.percent_coherent_spread),
+        percent: Some(pooled(measured.percent_coherent, measured.percent_coherent_spread)),
         ratio: Some(measured.ratio_time_spread),
         work: Some(measured.ratio_work),
         wrong: Some((
@@ -148,7 +153,7 @@ fn of_others(name: &str, scenes: &OtherScenes, measured: &OtherRow) -> Entry {
         source: name.to_owned(),
         style: 0,
         times: [measured.seconds_standard, measured.seconds].map(milliseconds),
-        percent: Some(measured.percent_coherent),
+        percent: Some(pooled(measured.percent_coherent, measured.percent_coherent_spread)),
         ratio: Some(measured.ratio_time),
         work: Some(measured.ratio_work),
         wrong: Some((measured.wrong_pixels, side * side * scenes.seeds.len() as u64)),
@@ -159,7 +164,7 @@ fn milliseconds(seconds: f64) -> String {
     format!("{:.1} ms", 1e3 * seconds)
 }
 
-/// A median with its quartiles, where they are apart.
+/// A value with its quartiles, where they are apart.
 fn spread(value: Option<&Spread>, digits: usize) -> Markup {
     html! {
         @if let Some(spread) = value {
@@ -176,7 +181,7 @@ fn as_table(groups: &[(u32, Vec<Entry>)]) -> Markup {
         div.scroll role="region" aria-labelledby="table1-caption" tabindex="0" {
             table {
                 caption id="table1-caption" {
-                    "Table 1. Medians, with quartiles over seeds (coherence) or over all pairs of runs (times) in brackets. n is the number of spheres."
+                    "Table 1. n is the number of spheres. Coherence and work are of all seeds together, ratios of times are medians; in brackets quartiles, over seeds or over all pairs of runs."
                 }
                 thead {
                     tr {

@@ -40,7 +40,9 @@ pub(crate) struct RecordedRow {
 pub(crate) struct RecordedStrategy {
     /// Time inside the strategy's calls, in seconds.
     pub(crate) seconds: f64,
-    /// Coherent rays in percent of the rays cast, over seeds.
+    /// Coherent rays in percent of the rays cast, of all seeds together.
+    pub(crate) percent_coherent: f64,
+    /// Its spread over seeds.
     pub(crate) percent_coherent_spread: Spread,
     /// Time over that of `standard`, of all pairs.
     pub(crate) ratio_time_spread: Spread,
