@@ -20,8 +20,8 @@ const FILE: &str = "rayset.html";
 
 The report is FOLDER/rayset.html: one file with all figures inside, to be read in any browser, without a network.
 It shows what `study` and `repro-table1` recorded; what was never run is run in its quick form, and the report says so.
-Every finished experiment is recorded: a run that is stopped, by Ctrl-C or otherwise, goes on there, and a report that
-was there stays as it was.")]
+Every finished experiment of a study is recorded: a run that is stopped, by Ctrl-C or otherwise, goes on there; only the
+quick form of Table 1, half a minute, begins again. A report that was there stays until the new one is whole.")]
 pub(crate) struct Options {
     /// Small pictures, and the quick forms of the studies: about a minute.
     #[arg(long)]
