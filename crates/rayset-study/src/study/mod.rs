@@ -12,6 +12,7 @@ mod timed;
 use std::path::{Path, PathBuf};
 
 pub use self::counts::{Counts, Distribution, Kinds};
+pub(crate) use self::counts::{float, ratio};
 pub use self::interval::Median;
 pub use self::journal::{Journal, Key};
 use crate::StudyError;

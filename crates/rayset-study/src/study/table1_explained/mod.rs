@@ -2,7 +2,6 @@
 
 mod design;
 mod factors;
-mod measures;
 mod report;
 mod score;
 mod trial;
@@ -14,11 +13,11 @@ use std::path::Path;
 use self::factors::Setting;
 pub(super) use self::factors::size;
 use self::score::{Score, Tried};
-use self::trial::{Pair, Trial};
+use self::trial::Trial;
 use super::journal::Journal;
 use super::runner::{Experiment, Step, run_missing};
 use super::{Scale, StudyName};
-use crate::{PAPER, StudyError};
+use crate::{PAPER, Pair, StudyError};
 
 /// How much of the study to run.
 #[derive(Clone, Copy, Debug)]
@@ -52,7 +51,7 @@ impl Plan {
     }
 
     fn allows(&self, setting: &Setting) -> bool {
-        !self.small || setting.resolution() <= 96
+        !self.small || setting.conditions().resolution <= 96
     }
 
     /// The settings that are tried in any case.

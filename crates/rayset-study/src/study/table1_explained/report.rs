@@ -3,10 +3,9 @@
 use std::fmt::Write;
 
 use super::factors::{FACTORS, Setting};
-use super::measures::{Cost, Counting};
-use super::score::{Near, POINTS, RATIO, Score, Tried};
-use crate::PAPER;
-use crate::study::interval::Median;
+use super::score::{Score, Tried};
+use crate::measures::{Near, POINTS, RATIO};
+use crate::{Cost, Counting, Median, PAPER};
 
 /// `others` has the trials with other seeds of each score, where they are finished.
 pub(super) fn markdown(scores: &[Score], others: &[Option<Tried>], planned: usize, seeds: u64) -> String {
@@ -47,7 +46,7 @@ pub(super) fn markdown(scores: &[Score], others: &[Option<Tried>], planned: usiz
         if let Some(score) = score {
             text += &format!("\n#### {}\n\n", capitalised(name));
             if shown.contains(&score.setting) {
-                text += &format!("As above: {}.\n", score.setting.differences());
+                text += &format!("As above: {}.\n", score.setting.conditions().differences());
                 continue;
             }
             shown.push(score.setting);
@@ -131,7 +130,7 @@ fn one(score: &Score) -> String {
     let counting: &Counting = counting;
     let mut text = format!(
         "Setting: {}.\nPercent of {counting}; error {points:.1} points.\nRatios in the fitted measure ({}): error {:.3}; in tests: error {:.3}; with the paper's lambda: error {:.3}.\n\n",
-        score.setting.differences(),
+        score.setting.conditions().differences(),
         score.fitted.measure,
         score.fitted.error,
         score.fixed[0].error,
