@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::factors::{FACTORS, Setting};
 use super::score::{Score, Tried};
 use crate::measures::{Near, POINTS, RATIO};
-use crate::{Cost, Counting, Median, PAPER};
+use crate::{Cost, Counting, Median, PAPER, Preset};
 
 /// `others` has the trials with other seeds of each score, where they are finished.
 pub(super) fn markdown(scores: &[Score], others: &[Option<Tried>], planned: usize, seeds: u64) -> String {
@@ -51,6 +51,7 @@ pub(super) fn markdown(scores: &[Score], others: &[Option<Tried>], planned: usiz
             }
             shown.push(score.setting);
             text += &one(score);
+            text += &preset_of(score);
             let place = scores.iter().position(|other| other.setting == score.setting);
             let others = place.and_then(|place| score.on_others(others[place].as_ref()?));
             if let Some((points, ratio)) = others {
@@ -125,7 +126,7 @@ fn robust<'s>(scores: &'s [Score], others: &[Option<Tried>]) -> Option<&'s Score
 const GROWTH: f64 = 0.2;
 
 /// A setting beside the paper.
-fn one(score: &Score) -> String {
+pub(super) fn one(score: &Score) -> String {
     let Near { measure: counting, error: points, .. } = &score.coherence;
     let counting: &Counting = counting;
     let mut text = format!(
@@ -161,6 +162,15 @@ fn one(score: &Score) -> String {
         100.0 * score.wrong
     );
     text
+}
+
+/// Whether Table 1 has a column of this setting, with the same percentage and the same cost.
+pub(super) fn preset_of(score: &Score) -> String {
+    let preset = Preset::nearest();
+    let is_it = score.setting.conditions() == preset.conditions
+        && score.coherence.measure == preset.counting
+        && score.fitted.measure == preset.cost;
+    if is_it { format!("This is the column `{}` of Table 1.\n", preset.name) } else { String::new() }
 }
 
 fn percent(median: &Median) -> String {
