@@ -17,7 +17,7 @@ const OURS: [(RGBColor, RGBColor); 3] = [
     (RGBColor(204, 121, 167), RGBColor(0, 114, 178)),
     (RGBColor(0, 0, 0), RGBColor(150, 140, 0)),
 ];
-const SIZE: (u32, u32) = (900, 420);
+const SIZE: (u32, u32) = (900, 520);
 
 /// A line of the plot: label, colour, points, and the quartiles of each point if it has any.
 struct Curve {
@@ -79,7 +79,7 @@ pub(super) fn svg(table: &Table1) -> Result<String, Failure> {
             "time or work of speer-1985 over standard",
             &ratios,
             Some(1.0),
-            SeriesLabelPosition::LowerLeft,
+            SeriesLabelPosition::UpperRight,
         )?;
         panel(
             &right,
@@ -104,7 +104,9 @@ fn panel(
         let ends = curve.quartiles.iter().flat_map(|&(low, high)| [low, high]);
         curve.points.iter().map(|point| point.1).chain(ends)
     });
-    let top = values.fold(reference.unwrap_or(100.0), f64::max) * 1.08;
+    // Ratios fall with n: above the right ends of their curves there is room for the legend.
+    let room = if reference.is_some() { 1.45 } else { 1.08 };
+    let top = values.fold(reference.unwrap_or(100.0), f64::max) * room;
     let xs = || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.0));
     let (least, greatest) = (xs().fold(1.0, f64::min), xs().fold(2.0, f64::max));
     let mut chart = ChartBuilder::on(area)
