@@ -75,7 +75,7 @@ pub struct StrategyRow {
     pub ratio_time_frame: f64,
     /// Work over that of `standard`.
     pub ratio_work: f64,
-    /// The ratio in the fitted cost of a preset; `None` of anything else.
+    /// The ratio in the fitted cost, in the rows of a preset.
     pub fitted: Option<Fitted>,
     /// Pixels that differ from those of `standard`, over all seeds.
     pub wrong_pixels: u64,
