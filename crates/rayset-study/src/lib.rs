@@ -11,23 +11,29 @@
 //! assert!((model.threshold() - 0.662).abs() < 0.001);
 //! ```
 
+mod conditions;
 mod cost_model;
 mod error;
 mod files;
 mod html;
+mod measures;
+mod preset;
 mod scenes;
 mod statistics;
 mod study;
 mod table1;
 
+pub use conditions::{Conditions, Pair};
 pub use cost_model::{CostModel, Measurement};
 pub use error::StudyError;
 pub use files::write_file;
 pub use html::ReportPlan;
+pub use measures::{Among, Cost, Counting, Which};
+pub use preset::Preset;
 pub use scenes::{NamedScene, cornell_box, cornell_spheres, knob, mesh_scenes, sphere_scene};
 pub use statistics::Spread;
 pub use study::{Counts, Distribution, Journal, Key, Kinds, Median, Scale, StudyName};
 pub use table1::{
-    KindRow, ModelReport, OptionsReport, PAPER, PaperRow, Pictures, Reading, Row, StrategyRow, Table1,
-    Table1Plan,
+    Column, Fitted, KindRow, Misses, ModelReport, OptionsReport, PAPER, PaperRow, Pictures, PresetReport,
+    Reading, Row, StrategyRow, Table1, Table1Plan,
 };

@@ -122,11 +122,11 @@ fn kinds<T>(by_kind: &ByKind<T>, count: impl Fn(&T) -> u64) -> Kinds {
 
 /// A part of a whole; NaN of nothing.
 #[must_use]
-pub(super) fn ratio(part: u64, whole: u64) -> f64 {
+pub(crate) fn ratio(part: u64, whole: u64) -> f64 {
     float(part) / float(whole)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts stay far below 2^53")]
-pub(super) fn float(count: u64) -> f64 {
+pub(crate) fn float(count: u64) -> f64 {
     count as f64
 }

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 pub(crate) use self::cost::{Fit, Fits, Prediction, fits};
 pub use self::counts::{Counts, Distribution, Kinds};
+pub(crate) use self::counts::{float, ratio};
 pub use self::interval::Median;
 pub use self::journal::{Journal, Key};
 pub(crate) use self::map::{Figures, Plane, planes};

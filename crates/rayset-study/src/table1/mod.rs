@@ -1,5 +1,7 @@
 //! Table 1: the paper's experiment, with the paper's figures beside ours.
 
+mod column;
+mod files;
 mod paper;
 mod plan;
 mod plot;
@@ -8,7 +10,10 @@ mod report;
 mod results;
 mod run;
 
+pub use self::column::Column;
 pub use self::paper::{PAPER, PaperRow};
 pub use self::plan::{Reading, Table1Plan};
 pub(crate) use self::recorded::{Recorded, RecordedRow, RecordedStrategy};
-pub use self::results::{KindRow, ModelReport, OptionsReport, Pictures, Row, StrategyRow, Table1};
+pub use self::results::{
+    Fitted, KindRow, Misses, ModelReport, OptionsReport, Pictures, PresetReport, Row, StrategyRow, Table1,
+};

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use rayset_engine::{Backend, MissRule, RenderOptions, Speer1985Options, StrategyKind, SweepLength};
 
+use crate::Preset;
+
 /// What to run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table1Plan {
@@ -30,6 +32,9 @@ pub struct Table1Plan {
     pub cutoff: Option<f64>,
     /// The readings of section 2.3 to compare with `standard`.
     pub readings: Vec<Reading>,
+    /// Settings with scenes and images of their own; of what is above, they take the numbers of spheres, the seeds, the
+    /// repetitions of spheres, and the lanes.
+    pub presets: Vec<Preset>,
 }
 
 /// A reading of section 2.3, with the name that reports give it.
@@ -72,6 +77,7 @@ impl Table1Plan {
             max_depth: RenderOptions::default().max_depth,
             cutoff: RenderOptions::default().cutoff,
             readings: vec![Reading::literal(), Reading::with_misses()],
+            presets: vec![Preset::nearest()],
         }
     }
 
@@ -92,7 +98,8 @@ impl Table1Plan {
     #[must_use]
     pub fn n_steps(&self) -> usize {
         let meshes = self.mesh_resolutions.iter().filter(|&&side| side > 0).count();
-        self.spheres.len() * self.seeds.len() * (self.repetitions + 1) + meshes * (self.mesh_repetitions + 1)
+        let spheres = (1 + self.presets.len()) * self.spheres.len() * self.seeds.len();
+        spheres * (self.repetitions + 1) + meshes * (self.mesh_repetitions + 1)
     }
 
     pub(super) fn options(&self, side: u32) -> RenderOptions {

@@ -2,71 +2,73 @@
 
 use plotters::prelude::*;
 
-use super::results::{Row, StrategyRow, Table1};
+use super::Column;
+use super::results::{StrategyRow, Table1};
 use crate::Spread;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Okabe and Ito's colours, which colour-blind readers tell apart.
 const ORANGE: RGBColor = RGBColor(230, 159, 0);
-const SKY: RGBColor = RGBColor(86, 180, 233);
-const GREEN: RGBColor = RGBColor(0, 158, 115);
 const VERMILION: RGBColor = RGBColor(213, 94, 0);
-const PURPLE: RGBColor = RGBColor(204, 121, 167);
-const BLUE: RGBColor = RGBColor(0, 114, 178);
-const SIZE: (u32, u32) = (900, 420);
+/// Of the columns in turn: times and coherence, and work.
+const OURS: [(RGBColor, RGBColor); 3] = [
+    (RGBColor(0, 158, 115), RGBColor(86, 180, 233)),
+    (RGBColor(204, 121, 167), RGBColor(0, 114, 178)),
+    (RGBColor(0, 0, 0), RGBColor(150, 140, 0)),
+];
+const SIZE: (u32, u32) = (900, 520);
 
 /// A line of the plot: label, colour, points, and the quartiles of each point if it has any.
 struct Curve {
-    label: &'static str,
+    label: String,
     color: RGBColor,
     points: Vec<(f64, f64)>,
     quartiles: Vec<(f64, f64)>,
 }
 
+/// A figure of a row and its spread over runs, if it has them.
+type Value<'f> = &'f dyn Fn(&StrategyRow) -> Option<(f64, Option<Spread>)>;
+
+impl Curve {
+    fn of(column: Column<'_>, label: String, color: RGBColor, value: Value<'_>) -> Self {
+        let (mut points, mut quartiles) = (Vec::new(), Vec::new());
+        for (row, measured) in column.spheres() {
+            if let Some((y, spread)) = value(measured) {
+                points.push((f64::from(row.spheres.unwrap_or_default()), y));
+                quartiles.extend(spread.map(|spread| (spread.lower_quartile, spread.upper_quartile)));
+            }
+        }
+        Self { label, color, points, quartiles }
+    }
+}
+
 /// The plot as an SVG document.
 pub(super) fn svg(table: &Table1) -> Result<String, Failure> {
-    let rows: Vec<&Row> = table.ours.iter().filter(|row| row.spheres.is_some()).collect();
-    let of_paper = |value: &dyn Fn(&crate::PaperRow) -> f64| {
-        table.paper.iter().map(|row| (f64::from(row.spheres), value(row))).collect::<Vec<_>>()
+    let of_paper = |label: &str, color, value: &dyn Fn(&crate::PaperRow) -> f64| {
+        let points = table.paper.iter().map(|row| (f64::from(row.spheres), value(row))).collect();
+        Curve { label: label.to_owned(), color, points, quartiles: Vec::new() }
     };
-    let of_ours = |reading: &str, value: &dyn Fn(&StrategyRow) -> f64| {
-        let point = |row: &&Row| Some((f64::from(row.spheres?), value(row.strategies.get(reading)?)));
-        rows.iter().filter_map(point).collect::<Vec<_>>()
-    };
-    let quartiles = |reading: &str, value: &dyn Fn(&StrategyRow) -> Spread| {
-        let pair = |row: &&Row| {
-            let spread = value(row.strategies.get(reading)?);
-            Some((spread.lower_quartile, spread.upper_quartile))
-        };
-        rows.iter().filter_map(pair).collect::<Vec<_>>()
-    };
-    let plain = |label, color, points| Curve { label, color, points, quartiles: Vec::new() };
-    let times = |label, color, reading| Curve {
-        label,
-        color,
-        points: of_ours(reading, &|row| row.ratio_time),
-        quartiles: quartiles(reading, &|row| row.ratio_time_spread),
-    };
-    let percents = |label, color, reading| Curve {
-        label,
-        color,
-        points: of_ours(reading, &|row| row.percent_coherent),
-        quartiles: quartiles(reading, &|row| row.percent_coherent_spread),
-    };
-    let ratios = [
-        plain("paper, printed", ORANGE, of_paper(&|row| row.ratio_printed)),
-        plain("paper, from its times", VERMILION, of_paper(&|row| row.ratio_recomputed)),
-        times("speer-1985, times", GREEN, "speer-1985"),
-        plain("speer-1985, work", SKY, of_ours("speer-1985", &|row| row.ratio_work)),
-        times("speer-1985-misses, times", PURPLE, "speer-1985-misses"),
-        plain("speer-1985-misses, work", BLUE, of_ours("speer-1985-misses", &|row| row.ratio_work)),
+    let mut ratios = vec![
+        of_paper("paper, printed", ORANGE, &|row| row.ratio_printed),
+        of_paper("paper, from its times", VERMILION, &|row| row.ratio_recomputed),
     ];
-    let coherence = [
-        plain("paper", ORANGE, of_paper(&|row| row.percent_coherent)),
-        percents("speer-1985", GREEN, "speer-1985"),
-        percents("speer-1985-misses", PURPLE, "speer-1985-misses"),
-    ];
+    let mut coherence = vec![of_paper("paper", ORANGE, &|row| row.percent_coherent)];
+    for (column, (color, other)) in table.columns().into_iter().zip(OURS.into_iter().cycle()) {
+        let name = column.name;
+        let of_ours = |label: String, color, value: Value| Curve::of(column, label, color, value);
+        ratios.push(of_ours(format!("{name}, times"), color, &|row| {
+            Some((row.ratio_time, Some(row.ratio_time_spread)))
+        }));
+        if column.preset.is_some() {
+            let fitted = |row: &StrategyRow| row.fitted.map(|fitted| (fitted.ratio, Some(fitted.spread)));
+            ratios.push(of_ours(format!("{name}, fitted cost"), other, &fitted));
+        } else {
+            ratios.push(of_ours(format!("{name}, work"), other, &|row| Some((row.ratio_work, None))));
+        }
+        let percent = |row: &StrategyRow| Some((row.percent_coherent, Some(row.percent_coherent_spread)));
+        coherence.push(of_ours(name.to_owned(), color, &percent));
+    }
     let mut document = String::new();
     {
         let area = SVGBackend::with_string(&mut document, SIZE).into_drawing_area();
@@ -77,7 +79,7 @@ pub(super) fn svg(table: &Table1) -> Result<String, Failure> {
             "time or work of speer-1985 over standard",
             &ratios,
             Some(1.0),
-            SeriesLabelPosition::LowerLeft,
+            SeriesLabelPosition::UpperRight,
         )?;
         panel(
             &right,
@@ -102,7 +104,9 @@ fn panel(
         let ends = curve.quartiles.iter().flat_map(|&(low, high)| [low, high]);
         curve.points.iter().map(|point| point.1).chain(ends)
     });
-    let top = values.fold(reference.unwrap_or(100.0), f64::max) * 1.08;
+    // Ratios fall with n: above the right ends of their curves there is room for the legend.
+    let room = if reference.is_some() { 1.45 } else { 1.08 };
+    let top = values.fold(reference.unwrap_or(100.0), f64::max) * room;
     let xs = || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.0));
     let (least, greatest) = (xs().fold(1.0, f64::min), xs().fold(2.0, f64::max));
     let mut chart = ChartBuilder::on(area)
@@ -127,7 +131,7 @@ fn panel(
         let color = curve.color;
         chart
             .draw_series(LineSeries::new(curve.points.iter().copied(), color.stroke_width(2)))?
-            .label(curve.label)
+            .label(&curve.label)
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
         // Shapes differ too, for readers without colours.
         let points = curve.points.iter().copied();

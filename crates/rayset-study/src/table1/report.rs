@@ -1,14 +1,12 @@
-//! The experiment as text and files.
+//! The experiment as text.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
-use rayset::{ChannelNames, image_of};
-use rayset_image::{Image, to_srgb8, write_exr, write_false_colour_png, write_png_rgb8};
+use rayset_engine::RenderOptions;
 
-use super::plot;
-use super::results::{ModelReport, Pictures, Row, StrategyRow, Table1};
-use crate::{StudyError, write_file};
+use super::Column;
+use super::results::{Fitted, Misses, ModelReport, PresetReport, Row, StrategyRow, Table1};
+use crate::measures::{POINTS, RATIO};
 
 const SPEER: &str = "speer-1985";
 
@@ -26,11 +24,6 @@ impl Table1 {
         text
     }
 
-    /// The row with this many spheres.
-    fn of_spheres(&self, count: u32) -> Option<&Row> {
-        self.ours.iter().find(|row| row.spheres == Some(count))
-    }
-
     fn write_spheres(&self, text: &mut String) {
         line(text, "## Table 1: spheres\n");
         line(
@@ -40,15 +33,14 @@ impl Table1 {
         line(text, "In brackets: the quartiles of all pairs of runs, or of all seeds.\n");
         line(
             text,
-            "| n | | time standard | time coherent | percent coherent | ratio of times | frame | ratio of work | wrong pixels |",
+            "| n | | time standard | time coherent | percent coherent | ratio of times | frame | ratio of work | fitted* | wrong pixels |",
         );
-        line(text, "|---:|---|---:|---:|---:|---:|---:|---:|---:|");
-        for row in self.ours.iter().filter(|row| row.spheres.is_some()) {
-            let n = row.spheres.unwrap_or_default();
+        line(text, "|---:|---|---:|---:|---:|---:|---:|---:|---:|---:|");
+        for n in self.ours.iter().filter_map(|row| row.spheres) {
             if let Some(paper) = self.paper.iter().find(|paper| paper.spheres == n) {
                 let _ = writeln!(
                     text,
-                    "| {n} | paper | {:.3} h | {:.3} h | {:.1} % | {:.3}, recomputed {:.3} | | | |",
+                    "| {n} | paper | {:.3} h | {:.3} h | {:.1} % | {:.3}, recomputed {:.3} | | | | |",
                     paper.hours_standard,
                     paper.hours_coherent,
                     paper.percent_coherent,
@@ -56,28 +48,33 @@ impl Table1 {
                     paper.ratio_recomputed
                 );
             }
-            write_row(text, &n.to_string(), row);
+            for column in self.columns() {
+                if let Some((row, measured)) = column.of_spheres(n) {
+                    write_row(text, &n.to_string(), row, column.name, measured, true);
+                }
+            }
         }
         line(text, "");
-        for reading in self.models.keys() {
-            let [percent, time, work] = self.distance_from_the_paper(reading);
+        for column in self.columns() {
+            let [percent, time, work] = self.distance_from_the_paper(column);
             let _ = writeln!(
                 text,
-                "`{reading}` is at most {percent:.1} points of coherence from the paper, {time:.2} from the ratio of its times in time and {work:.2} in work."
+                "`{}` is at most {percent:.1} points of coherence from the paper, {time:.2} from the ratio of its times in time and {work:.2} in work.",
+                column.name
             );
         }
         line(text, "");
+        for preset in &self.presets {
+            write_preset(text, preset);
+        }
     }
 
     /// The greatest differences over all rows: of coherence in points, and of the ratios of time and of work from the
     /// recomputed ratio.
-    fn distance_from_the_paper(&self, reading: &str) -> [f64; 3] {
+    fn distance_from_the_paper(&self, column: Column<'_>) -> [f64; 3] {
         let mut greatest = [0.0_f64; 3];
         for paper in &self.paper {
-            let Some(ours) = self.of_spheres(paper.spheres).and_then(|row| row.strategies.get(reading))
-            else {
-                continue;
-            };
+            let Some((_, ours)) = column.of_spheres(paper.spheres) else { continue };
             let differences = [
                 ours.percent_coherent - paper.percent_coherent,
                 ours.ratio_time - paper.ratio_recomputed,
@@ -106,7 +103,10 @@ impl Table1 {
         );
         line(text, "|---|---|---:|---:|---:|---:|---:|---:|---:|");
         for row in meshes {
-            write_row(text, &format!("{}, {} ({} triangles)", row.scene, row.volumes, row.primitives), row);
+            let name = format!("{}, {} ({} triangles)", row.scene, row.volumes, row.primitives);
+            for (reading, measured) in readings(row) {
+                write_row(text, &name, row, reading, measured, false);
+            }
         }
         line(text, "");
     }
@@ -124,7 +124,7 @@ impl Table1 {
         );
         line(text, "|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|");
         for (row, reading, measured) in
-            self.ours.iter().flat_map(|row| readings(row).map(move |(n, m)| (row, n, m)))
+            self.rows().flat_map(|row| readings(row).map(move |(n, m)| (row, n, m)))
         {
             for kind in ["initial", "reflected", "refracted", "shadow"] {
                 let k = measured.kinds[kind];
@@ -148,8 +148,10 @@ impl Table1 {
 
     fn write_model(&self, text: &mut String) {
         line(text, "## Section 3: does the cost model predict this?\n");
-        for (reading, model) in &self.models {
-            self.write_model_of(text, reading, model);
+        for column in self.columns() {
+            if let Some(model) = self.models.get(column.name) {
+                write_model_of(text, column, model);
+            }
         }
         let model = &self.model;
         let _ = writeln!(
@@ -167,36 +169,6 @@ impl Table1 {
         );
     }
 
-    fn write_model_of(&self, text: &mut String, reading: &str, model: &ModelReport) {
-        let _ = writeln!(
-            text,
-            "`{reading}`, fitted to its sphere rows: k = {:.2} ns, lambda = {:.2} ns, alpha = {:.1} ns a ray, so k/lambda = {:.3} and C_T = 1 / (1 + k/lambda) = {:.1} %.\n",
-            1e9 * model.k,
-            1e9 * model.lambda,
-            1e9 * model.alpha,
-            model.k / model.lambda,
-            100.0 * model.threshold
-        );
-        line(text, "| n | coherence | C_T says | ratio predicted | ratio measured |");
-        line(text, "|---:|---:|---|---:|---:|");
-        for (i, row) in self.ours.iter().filter(|row| row.spheres.is_some()).enumerate() {
-            let coherence = row.strategies[reading].percent_coherent;
-            let says = if coherence / 100.0 > model.threshold { "coherent wins" } else { "standard wins" };
-            let _ = writeln!(
-                text,
-                "| {} | {coherence:.1} % | {says} | {:.3} | {:.3} |",
-                row.volumes, model.predicted_ratio[i], model.measured_ratio[i]
-            );
-        }
-        let verdict = if model.predicts { "predicts" } else { "does not predict" };
-        let decides = if model.threshold_decides { "tells rightly" } else { "does not tell rightly" };
-        let _ = writeln!(
-            text,
-            "\nSection 3, with its own three constants fitted, {verdict} the measured ratios to within their quartiles: the root mean square error is {:.3}.\nThe threshold alone {decides} which algorithm wins in each row.\n",
-            model.rms_error
-        );
-    }
-
     fn write_cylinders(&self, text: &mut String) {
         line(text, "## Do cylinders shrink as objects become more?\n");
         line(text, "Medians in units of the scene's extent, over all cylinders built.\n");
@@ -204,8 +176,7 @@ impl Table1 {
         line(text, "|---|---|---:|---:|---:|");
         let number =
             |value: Option<f64>| value.map_or_else(|| "unbounded".to_owned(), |value| format!("{value:.3}"));
-        for (row, reading, speer) in
-            self.ours.iter().flat_map(|row| readings(row).map(move |(n, m)| (row, n, m)))
+        for (row, reading, speer) in self.rows().flat_map(|row| readings(row).map(move |(n, m)| (row, n, m)))
         {
             let _ = writeln!(
                 text,
@@ -217,9 +188,8 @@ impl Table1 {
             );
         }
         line(text, "");
-        let rows: Vec<_> = self.ours.iter().filter(|row| row.spheres.is_some()).collect();
-        let shrinks = |value: &dyn Fn(&Row) -> Option<f64>| {
-            let values = rows.iter().map(|row| value(row).unwrap_or(f64::INFINITY));
+        let shrinks = |column: Column<'_>, value: &dyn Fn(&StrategyRow) -> Option<f64>| {
+            let values = column.spheres().map(|(_, measured)| value(measured).unwrap_or(f64::INFINITY));
             values.collect::<Vec<_>>().windows(2).all(|pair| pair[1] <= pair[0])
         };
         let verdict = |shrinks: bool| if shrinks { "held" } else { "failed" };
@@ -227,12 +197,13 @@ impl Table1 {
             text,
             "The paper says that both shrink (section 4); that holds if no row is above the one before.",
         );
-        for reading in self.models.keys() {
+        for column in self.columns() {
             let _ = writeln!(
                 text,
-                "For these spheres, `{reading}`: radius {}, length {}.",
-                verdict(shrinks(&|row| row.strategies[reading].median_radius)),
-                verdict(shrinks(&|row| row.strategies[reading].median_length)),
+                "For these spheres, `{}`: radius {}, length {}.",
+                column.name,
+                verdict(shrinks(column, &|measured| measured.median_radius)),
+                verdict(shrinks(column, &|measured| measured.median_length)),
             );
         }
         line(text, "");
@@ -264,105 +235,17 @@ impl Table1 {
                 choices.iter().map(|(option, choice)| format!("{option} = {choice}")).collect();
             let _ = writeln!(text, "`{reading}` reads section 2.3 with {}.\n", choices.join(", "));
         }
-    }
-
-    /// Writes `table1.md`, `table1.csv`, `table1.json`, `table1.svg` and the images into a folder.
-    ///
-    /// # Errors
-    ///
-    /// [`StudyError`] if a file cannot be written; files are whole or not there.
-    pub fn write(&self, folder: &Path) -> Result<(), StudyError> {
-        let failed = |path: &Path, source: Box<dyn std::error::Error + Send + Sync>| StudyError::Write {
-            path: path.into(),
-            source,
-        };
-        let path = folder.join("table1.md");
-        write_file(&path, format!("# Table 1, reproduced\n\n{}", self.to_markdown()).as_bytes())?;
-        let path = folder.join("table1.json");
-        let json = serde_json::to_string_pretty(self).map_err(|error| failed(&path, error.into()))?;
-        write_file(&path, json.as_bytes())?;
-        let path = folder.join("table1.csv");
-        write_file(&path, self.to_csv().map_err(|error| failed(&path, error))?.as_bytes())?;
-        let path = folder.join("table1.svg");
-        write_file(&path, plot::svg(self).map_err(|error| failed(&path, error))?.as_bytes())?;
-        for pictures in &self.pictures {
-            write_pictures(folder, pictures, self)?;
+        for preset in &self.presets {
+            let levels: Vec<_> =
+                preset.conditions.iter().map(|(name, level)| format!("{name} = {level}")).collect();
+            let _ = writeln!(
+                text,
+                "`{}` has the same seeds, repetitions of spheres and lanes, depth {}, and else its own {}.\n",
+                preset.name,
+                RenderOptions::default().max_depth,
+                levels.join(", ")
+            );
         }
-        Ok(())
-    }
-
-    fn to_csv(&self) -> Result<String, Box<dyn std::error::Error + Send + Sync>> {
-        let mut writer = csv::Writer::from_writer(Vec::new());
-        writer.write_record([
-            "source",
-            "scene",
-            "spheres",
-            "volumes",
-            "primitives",
-            "strategy",
-            "seconds",
-            "seconds_frame",
-            "percent_coherent",
-            "ratio_time",
-            "ratio_time_lower_quartile",
-            "ratio_time_upper_quartile",
-            "ratio_time_frame",
-            "work",
-            "ratio_work",
-            "wrong_pixels",
-        ])?;
-        for paper in &self.paper {
-            for (strategy, hours, coherent, ratio) in [
-                ("standard", paper.hours_standard, 0.0, 1.0),
-                (SPEER, paper.hours_coherent, paper.percent_coherent, paper.ratio_recomputed),
-            ] {
-                let (n, seconds) = (paper.spheres.to_string(), hours * 3600.0);
-                let scene = format!("spheres-{n}");
-                let [seconds, coherent, ratio] = [seconds, coherent, ratio].map(|value| value.to_string());
-                let empty = String::new;
-                writer.write_record([
-                    "paper".to_owned(),
-                    scene,
-                    n.clone(),
-                    n.clone(),
-                    n,
-                    strategy.to_owned(),
-                    seconds,
-                    empty(),
-                    coherent,
-                    ratio,
-                    empty(),
-                    empty(),
-                    empty(),
-                    empty(),
-                    empty(),
-                    empty(),
-                ])?;
-            }
-        }
-        for row in &self.ours {
-            for (strategy, measured) in &row.strategies {
-                writer.write_record([
-                    "ours".to_owned(),
-                    row.scene.clone(),
-                    row.spheres.map(|n| n.to_string()).unwrap_or_default(),
-                    row.volumes.to_string(),
-                    row.primitives.to_string(),
-                    strategy.clone(),
-                    measured.seconds.to_string(),
-                    measured.seconds_frame.to_string(),
-                    measured.percent_coherent.to_string(),
-                    measured.ratio_time.to_string(),
-                    measured.ratio_time_spread.lower_quartile.to_string(),
-                    measured.ratio_time_spread.upper_quartile.to_string(),
-                    measured.ratio_time_frame.to_string(),
-                    measured.work.to_string(),
-                    measured.ratio_work.to_string(),
-                    measured.wrong_pixels.to_string(),
-                ])?;
-            }
-        }
-        Ok(String::from_utf8(writer.into_inner()?)?)
     }
 
     /// The sphere rows in short, for a README: coherence, ratios and wrong pixels beside the paper's.
@@ -379,11 +262,18 @@ impl Table1 {
                 text,
                 "| {n} | paper | {percent:.1} | {printed:.3}; {recomputed:.3} from its times | | |"
             );
-            for (reading, speer) in self.of_spheres(n).into_iter().flat_map(readings) {
+            for column in self.columns() {
+                let Some((_, speer)) = column.of_spheres(n) else { continue };
+                let fitted =
+                    speer.fitted.map_or_else(String::new, |fitted| format!("; {:.2} fitted", fitted.ratio));
                 let _ = writeln!(
                     text,
-                    "| {n} | `{reading}` | {:.1} | {:.2} | {:.2} | {} |",
-                    speer.percent_coherent, speer.ratio_time, speer.ratio_work, speer.wrong_pixels
+                    "| {n} | `{}` | {:.1} | {:.2} | {:.2}{fitted} | {} |",
+                    column.name,
+                    speer.percent_coherent,
+                    speer.ratio_time,
+                    speer.ratio_work,
+                    speer.wrong_pixels
                 );
             }
         }
@@ -391,28 +281,103 @@ impl Table1 {
     }
 }
 
-/// Writes a line for each reading of the algorithm.
-fn write_row(text: &mut String, name: &str, row: &Row) {
-    let standard = &row.strategies["standard"];
-    for (reading, speer) in readings(row) {
-        let (percents, ratios) = (&speer.percent_coherent_spread, &speer.ratio_time_spread);
+/// Writes the line of a column; `has_fitted` if there is a place for the ratio in a fitted cost.
+fn write_row(
+    text: &mut String,
+    name: &str,
+    row: &Row,
+    column: &str,
+    measured: &StrategyRow,
+    has_fitted: bool,
+) {
+    let (percents, ratios) = (&measured.percent_coherent_spread, &measured.ratio_time_spread);
+    let fitted = match &measured.fitted {
+        Some(Fitted { ratio, spread }) => {
+            format!(" {ratio:.3}* ({:.3} to {:.3}) |", spread.lower_quartile, spread.upper_quartile)
+        }
+        None if has_fitted => " |".to_owned(),
+        None => String::new(),
+    };
+    let _ = writeln!(
+        text,
+        "| {name} | `{column}` | {:.4} s | {:.4} s | {:.1} % ({:.1} to {:.1}) | {:.3} ({:.3} to {:.3}) | {:.3} | {:.3} |{fitted} {} of {} |",
+        row.strategies["standard"].seconds,
+        measured.seconds,
+        measured.percent_coherent,
+        percents.lower_quartile,
+        percents.upper_quartile,
+        measured.ratio_time,
+        ratios.lower_quartile,
+        ratios.upper_quartile,
+        measured.ratio_time_frame,
+        measured.ratio_work,
+        measured.wrong_pixels,
+        u64::from(row.resolution) * u64::from(row.resolution) * row.seeds as u64
+    );
+}
+
+/// Writes what a preset is, by how much it misses, and what its fitted ratios are worth.
+fn write_preset(text: &mut String, preset: &PresetReport) {
+    let PresetReport { name, differences, counting, cost, .. } = preset;
+    let _ = writeln!(
+        text,
+        "`{name}` is the nearest to the paper that `cargo xtask study table1-explained` found, in coherence and fitted ratios at once; it was searched for, and is no claim about what the authors did.\nIt differs from `{SPEER}` in {differences}, so its scenes and images are not those of the lines above it, and `standard` has other times there; its percentages are of {counting}."
+    );
+    for misses in &preset.misses {
+        write_misses(text, misses);
+    }
+    let _ = writeln!(
+        text,
+        "\n\\* Work over that of `standard` where a test of a primitive costs 1, a pierce check {}, classifying a volume k = {}, looking at a member of N lambda = {}, and each ray alpha = {}.\nThe last three were fitted to the paper's four ratios: that these come near is no finding.\n",
+        cost.pierce,
+        cost.k,
+        cost.k * cost.lambda_over_k,
+        cost.alpha
+    );
+}
+
+fn write_misses(text: &mut String, misses: &Misses) {
+    let Misses { seeds, chosen, points, ratio_fitted, ratio_tests } = misses;
+    let verdict = |is_within: bool| if is_within { "within" } else { "not within" };
+    let [percent, ratio] = misses.are_within_bounds().map(verdict);
+    let whose = if *chosen { "the seeds it was chosen by" } else { "other seeds" };
+    let _ = writeln!(
+        text,
+        "Medians over {whose} ({}) miss the paper by at most {points:.1} points of coherence ({percent} the {POINTS} asked for), {ratio_fitted:.3} of the ratio in fitted cost ({ratio} the {RATIO} asked for), and {ratio_tests:.2} of the ratio in tests.",
+        seeds.len()
+    );
+}
+
+/// What section 3 predicts for the spheres of a column.
+fn write_model_of(text: &mut String, column: Column<'_>, model: &ModelReport) {
+    let _ = writeln!(
+        text,
+        "`{}`, fitted to its sphere rows: k = {:.2} ns, lambda = {:.2} ns, alpha = {:.1} ns a ray, so k/lambda = {:.3} and C_T = 1 / (1 + k/lambda) = {:.1} %.\n",
+        column.name,
+        1e9 * model.k,
+        1e9 * model.lambda,
+        1e9 * model.alpha,
+        model.k / model.lambda,
+        100.0 * model.threshold
+    );
+    line(text, "| n | coherence | C_T says | ratio predicted | ratio measured |");
+    line(text, "|---:|---:|---|---:|---:|");
+    for (i, (row, measured)) in column.spheres().enumerate() {
+        let coherence = measured.percent_coherent;
+        let says = if coherence / 100.0 > model.threshold { "coherent wins" } else { "standard wins" };
         let _ = writeln!(
             text,
-            "| {name} | `{reading}` | {:.4} s | {:.4} s | {:.1} % ({:.1} to {:.1}) | {:.3} ({:.3} to {:.3}) | {:.3} | {:.3} | {} of {} |",
-            standard.seconds,
-            speer.seconds,
-            speer.percent_coherent,
-            percents.lower_quartile,
-            percents.upper_quartile,
-            speer.ratio_time,
-            ratios.lower_quartile,
-            ratios.upper_quartile,
-            speer.ratio_time_frame,
-            speer.ratio_work,
-            speer.wrong_pixels,
-            u64::from(row.resolution) * u64::from(row.resolution) * row.seeds as u64
+            "| {} | {coherence:.1} % | {says} | {:.3} | {:.3} |",
+            row.volumes, model.predicted_ratio[i], model.measured_ratio[i]
         );
     }
+    let verdict = if model.predicts { "predicts" } else { "does not predict" };
+    let decides = if model.threshold_decides { "tells rightly" } else { "does not tell rightly" };
+    let _ = writeln!(
+        text,
+        "\nSection 3, with its own three constants fitted, {verdict} the measured ratios to within their quartiles: the root mean square error is {:.3}.\nThe threshold alone {decides} which algorithm wins in each row.\n",
+        model.rms_error
+    );
 }
 
 /// The strategies of a row besides `standard`.
@@ -423,55 +388,4 @@ fn readings(row: &Row) -> impl Iterator<Item = (&String, &StrategyRow)> {
 fn line(text: &mut String, line: &str) {
     text.push_str(line);
     text.push('\n');
-}
-
-/// Writes, for each strategy, the image as EXR and PNG and a false-colour picture of the coherent fraction of each
-/// pixel's rays; and a picture of the pixels that differ from `standard`.
-fn write_pictures(folder: &Path, pictures: &Pictures, table: &Table1) -> Result<(), StudyError> {
-    let depth = table.options.max_depth.to_string();
-    let cutoff = table.options.cutoff.map_or_else(|| "off".to_owned(), |cutoff| cutoff.to_string());
-    let mut first: Option<Image> = None;
-    for (strategy, frame) in &pictures.frames {
-        let provenance = [
-            ("scene", pictures.scene.as_str()),
-            ("strategy", strategy),
-            ("max_depth", &depth),
-            ("cutoff", &cutoff),
-        ];
-        let image = image_of(frame, ChannelNames::Plain, &provenance)?;
-        let stem = format!("{}-{strategy}", pictures.scene);
-        write_exr(&folder.join(format!("{stem}.exr")), &image)?;
-        let path = folder.join(format!("{stem}.png"));
-        write_png_rgb8(&path, image.width(), image.height(), &to_srgb8(&image, 0.0)?)?;
-        write_false_colour_png(
-            &folder.join(format!("{stem}-coherent.png")),
-            &image,
-            "coherent.all",
-            0.0,
-            1.0,
-        )?;
-        match &first {
-            None => first = Some(image),
-            Some(standard) => {
-                let mut wrong = Image::new(image.width(), image.height())?;
-                let differs = |name: &str| -> Result<Vec<bool>, StudyError> {
-                    let channel = |image: &Image| -> Result<Vec<f32>, StudyError> {
-                        Ok(image
-                            .channel(name)
-                            .map(|c| c.floats().map(<[f32]>::to_vec))
-                            .transpose()?
-                            .unwrap_or_default())
-                    };
-                    let pairs = channel(standard)?.into_iter().zip(channel(&image)?);
-                    Ok(pairs.map(|(a, b)| a.to_bits() != b.to_bits()).collect())
-                };
-                let (red, green, blue) = (differs("R")?, differs("G")?, differs("B")?);
-                let any = (0..red.len()).map(|i| f32::from(u8::from(red[i] || green[i] || blue[i])));
-                wrong.push_f32("wrong", any.collect())?;
-                let path = folder.join(format!("{stem}-wrong.png"));
-                write_false_colour_png(&path, &wrong, "wrong", 0.0, 1.0)?;
-            }
-        }
-    }
-    Ok(())
 }

@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use rayset_engine::Frame;
+use rayset_engine::{Frame, RenderOptions};
 use serde::Serialize;
 
 use super::paper::{PAPER, PaperRow, fit_of_the_paper};
 use super::plan::Table1Plan;
-use crate::{CostModel, Measurement, Spread};
+use crate::measures::{POINTS, RATIO};
+use crate::study::float;
+use crate::{Cost, CostModel, Measurement, Spread};
 
 /// The experiment's results.
 #[derive(Clone, Debug, Serialize)]
@@ -16,9 +18,11 @@ pub struct Table1 {
     pub paper: Vec<PaperRow>,
     /// Our rows: spheres, then meshes.
     pub ours: Vec<Row>,
+    /// What each preset gave, on scenes of its own.
+    pub presets: Vec<PresetReport>,
     /// Section 3's model, fitted to the literal reading.
     pub model: ModelReport,
-    /// The same, fitted to each reading by itself.
+    /// The same, fitted to each reading and preset by itself.
     pub models: BTreeMap<String, ModelReport>,
     /// How it was run.
     pub options: OptionsReport,
@@ -71,6 +75,8 @@ pub struct StrategyRow {
     pub ratio_time_frame: f64,
     /// Work over that of `standard`.
     pub ratio_work: f64,
+    /// The ratio in the fitted cost, in the rows of a preset.
+    pub fitted: Option<Fitted>,
     /// Pixels that differ from those of `standard`, over all seeds.
     pub wrong_pixels: u64,
     /// Rays that took part, by kind.
@@ -85,6 +91,57 @@ pub struct StrategyRow {
     pub radii: Vec<(f64, f64, u64)>,
     /// The histogram of finite lengths, in the same way.
     pub lengths: Vec<(f64, f64, u64)>,
+}
+
+/// A ratio of work in a cost whose constants were fitted to the paper's ratios.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Fitted {
+    /// Cost over that of `standard`, over all seeds.
+    pub ratio: f64,
+    /// Its spread over seeds.
+    pub spread: Spread,
+}
+
+/// A preset beside the paper.
+#[derive(Clone, Debug, Serialize)]
+pub struct PresetReport {
+    /// The name.
+    pub name: String,
+    /// Everything that the paper leaves open, by name, as text.
+    pub conditions: BTreeMap<&'static str, String>,
+    /// Those that are not at their defaults, as text.
+    pub differences: String,
+    /// What its percentages count.
+    pub counting: String,
+    /// What work costs in its fitted ratios.
+    pub cost: Cost,
+    /// How far it is from the paper: with the seeds it was chosen by, then with others; those that were run.
+    pub misses: Vec<Misses>,
+    /// Its rows, one for every number of spheres.
+    pub rows: Vec<Row>,
+}
+
+/// By how much medians over some seeds miss the paper's four rows, at most.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Misses {
+    /// The seeds.
+    pub seeds: Vec<u64>,
+    /// Whether the preset was chosen by them.
+    pub chosen: bool,
+    /// Coherence, in points.
+    pub points: f64,
+    /// The recomputed ratio, in the fitted cost.
+    pub ratio_fitted: f64,
+    /// The recomputed ratio, in tests.
+    pub ratio_tests: f64,
+}
+
+impl Misses {
+    /// Whether this is within the bounds of the study: 5 points and, in the fitted cost, 0.05 of the ratio.
+    #[must_use]
+    pub fn are_within_bounds(&self) -> [bool; 2] {
+        [self.points <= POINTS, self.ratio_fitted <= RATIO]
+    }
 }
 
 /// The rays of one kind, over all seeds.
@@ -171,6 +228,8 @@ pub struct OptionsReport {
 pub struct Pictures {
     /// The name of the scene.
     pub scene: String,
+    /// How it was rendered.
+    pub options: RenderOptions,
     /// A frame for each strategy, by name.
     pub frames: Vec<(String, Frame)>,
 }
@@ -239,16 +298,7 @@ impl OptionsReport {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts stay far below 2^53")]
-pub(super) fn float(count: u64) -> f64 {
-    count as f64
-}
-
 fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
     let (count, sum) = values.fold((0, 0.0), |(count, sum), value| (count + 1, sum + value * value));
     (sum / float(count.max(1))).sqrt()
-}
-
-pub(super) fn percent(part: u64, whole: u64) -> f64 {
-    100.0 * float(part) / float(whole.max(1))
 }

@@ -3,16 +3,20 @@
 use std::collections::BTreeMap;
 
 use rayset_engine::{
-    ByKind, CoherenceCounts, Frame, IntersectionStrategy, Layer, Layers, RayCounts, RayKind, RenderOptions,
-    Speer1985, Speer1985Options, Stats, StrategyKind, render,
+    Backend, ByKind, CoherenceCounts, Frame, IntersectionStrategy, Layer, Layers, RayCounts, RayKind,
+    RenderOptions, Speer1985, Speer1985Options, Stats, StrategyKind, render,
 };
 
 use super::paper::PAPER;
 use super::plan::{Reading, Table1Plan};
 use super::results::{
-    KindRow, ModelReport, OptionsReport, Pictures, Row, StrategyRow, Table1, float, percent,
+    Fitted, KindRow, Misses, ModelReport, OptionsReport, Pictures, PresetReport, Row, StrategyRow, Table1,
 };
-use crate::{NamedScene, Spread, StudyError, mesh_scenes, sphere_scene};
+use crate::conditions::name_of_size;
+use crate::study::float;
+use crate::{
+    Cost, Counting, Counts, NamedScene, Pair, Preset, Spread, StudyError, mesh_scenes, sphere_scene,
+};
 
 impl Table1 {
     /// Runs the experiment; `step` is called before each of [`Table1Plan::n_steps`] steps with its scene.
@@ -27,50 +31,108 @@ impl Table1 {
         let wants_meshes = plan.mesh_resolutions.iter().any(|&side| side > 0);
         let meshes = if wants_meshes { mesh_scenes(&plan.fixtures)? } else { Vec::new() };
         let (mut ours, mut pictures) = (Vec::new(), Vec::new());
+        let match_of = |side, repetitions| Match {
+            readings: plan.readings.clone(),
+            counting: Counting::ALL_CAST,
+            cost: None,
+            backend: plan.backend,
+            options: plan.options(side),
+            repetitions,
+        };
         for &count in &plan.spheres {
             let scenes =
                 plan.seeds.iter().map(|&seed| sphere_scene(count, seed)).collect::<Result<Vec<_>, _>>()?;
-            let options = plan.options(plan.resolution);
-            ours.push(row(plan, &scenes, &options, plan.repetitions, step)?);
-            pictures.push(pictures_of(plan, &scenes[0], &options)?);
+            let rules = match_of(plan.resolution, plan.repetitions);
+            ours.push(rules.row(&scenes, step)?.0);
+            pictures.push(rules.pictures(&scenes[0])?);
         }
         for (scene, &side) in meshes.into_iter().zip(&plan.mesh_resolutions).filter(|(_, side)| **side > 0) {
-            let (scene, options) = ([scene], plan.options(side));
-            ours.push(row(plan, &scene, &options, plan.mesh_repetitions, step)?);
-            pictures.push(pictures_of(plan, &scene[0], &options)?);
+            let (scene, rules) = ([scene], match_of(side, plan.mesh_repetitions));
+            ours.push(rules.row(&scene, step)?.0);
+            pictures.push(rules.pictures(&scene[0])?);
         }
-        let model_of = |reading: &Reading| (reading.name.clone(), ModelReport::of(&ours, &reading.name));
-        let models: BTreeMap<_, _> = plan.readings.iter().map(model_of).collect();
+        let mut presets = Vec::new();
+        for preset in &plan.presets {
+            presets.push(run_preset(plan, preset, &mut pictures, step)?);
+        }
         let model = ModelReport::of(&ours, &Reading::literal().name);
-        Ok(Self { paper: PAPER.to_vec(), ours, model, models, options: OptionsReport::of(plan), pictures })
+        let (models, options) = (BTreeMap::new(), OptionsReport::of(plan));
+        let mut table = Self { paper: PAPER.to_vec(), ours, presets, model, models, options, pictures };
+        let model_of =
+            |column: super::Column<'_>| (column.name.to_owned(), ModelReport::of(column.rows, column.name));
+        table.models = table.columns().into_iter().map(model_of).collect();
+        Ok(table)
     }
 }
 
-/// The strategies of the experiment with their names, bound to a scene: `standard` is the first.
-fn strategies<'s>(
-    plan: &'s Table1Plan,
-    scene: &'s NamedScene,
-) -> Vec<(&'s str, Box<dyn IntersectionStrategy + 's>)> {
-    let standard = StrategyKind::Standard;
-    let mut strategies = vec![(standard.name(), standard.bind_on(&scene.scene, plan.backend))];
-    for Reading { name, options } in &plan.readings {
-        strategies.push((name, Box::new(Speer1985::on(&scene.scene, plan.backend, *options))));
-    }
-    strategies
-}
-
-fn pictures_of(
+/// Runs a preset on scenes of its own.
+fn run_preset(
     plan: &Table1Plan,
-    scene: &NamedScene,
-    options: &RenderOptions,
-) -> Result<Pictures, StudyError> {
-    let options =
-        RenderOptions { layers: Layers::BEAUTY.with(Layer::Rays).with(Layer::Coherent), ..*options };
-    let mut frames = Vec::new();
-    for (name, strategy) in strategies(plan, scene) {
-        frames.push((name.to_owned(), render(strategy.as_ref(), &options)?));
+    preset: &Preset,
+    pictures: &mut Vec<Pictures>,
+    step: &mut dyn FnMut(&str),
+) -> Result<PresetReport, StudyError> {
+    let conditions = &preset.conditions;
+    let rules = Match {
+        readings: vec![Reading { name: preset.name.to_owned(), options: conditions.reading }],
+        counting: preset.counting,
+        cost: Some(preset.cost),
+        backend: plan.backend,
+        options: conditions.render_options(),
+        repetitions: plan.repetitions,
+    };
+    let (mut rows, mut pairs) = (Vec::new(), [const { Vec::new() }; 4]);
+    for &count in &plan.spheres {
+        let name = format!("spheres-{count}-{}", name_of_size(conditions.size));
+        let scene = |&seed: &u64| -> Result<NamedScene, StudyError> {
+            let scene = conditions.scene(count, seed)?;
+            Ok(NamedScene { name: name.clone(), scene, spheres: Some(count) })
+        };
+        let scenes = plan.seeds.iter().map(scene).collect::<Result<Vec<_>, _>>()?;
+        let (row, counted) = rules.row(&scenes, step)?;
+        rows.push(row);
+        pictures.push(rules.pictures(&scenes[0])?);
+        if let Some(place) = PAPER.iter().position(|row| row.spheres == count) {
+            pairs[place] = counted;
+        }
     }
-    Ok(Pictures { scene: scene.name.clone(), frames })
+    let misses = [true, false].map(|chosen| misses(plan, preset, &pairs, chosen));
+    Ok(PresetReport {
+        name: preset.name.to_owned(),
+        conditions: conditions.levels().into_iter().collect(),
+        differences: conditions.differences(),
+        counting: preset.counting.to_string(),
+        cost: preset.cost,
+        misses: misses.into_iter().flatten().collect(),
+        rows,
+    })
+}
+
+/// How far medians over the seeds by which a preset was chosen, or over the others, are from the paper, as the study of
+/// the readings has it; `None` without such seeds, or without all of the paper's rows.
+fn misses(plan: &Table1Plan, preset: &Preset, pairs: &[Vec<Pair>; 4], chosen: bool) -> Option<Misses> {
+    let belongs = |seed: &u64| preset.chosen_by.contains(seed) == chosen;
+    let pairs = pairs.each_ref().map(|pairs| {
+        let both = pairs.iter().zip(&plan.seeds).filter(|(_, seed)| belongs(seed));
+        both.map(|(pair, _)| pair.clone()).collect::<Vec<_>>()
+    });
+    Some(Misses {
+        seeds: plan.seeds.iter().copied().filter(belongs).collect(),
+        chosen,
+        points: preset.counting.near(&preset.conditions.reading, &pairs)?.error,
+        ratio_fitted: preset.cost.near(&pairs)?.error,
+        ratio_tests: Cost::TESTS.near(&pairs)?.error,
+    })
+}
+
+/// Readings against `standard`: what takes part, and by which rules.
+struct Match {
+    readings: Vec<Reading>,
+    counting: Counting,
+    cost: Option<Cost>,
+    backend: Backend,
+    options: RenderOptions,
+    repetitions: usize,
 }
 
 /// What is gathered of a strategy while its row is run.
@@ -80,120 +142,166 @@ struct Gathered {
     seconds_frame: Vec<f64>,
     ratios: Vec<f64>,
     ratios_frame: Vec<f64>,
-    percents: Vec<f64>,
+    /// Of each seed.
+    counts: Vec<Counts>,
+    /// Of each seed.
+    wrong_pixels: Vec<u64>,
     stats: Stats,
     kinds: ByKind<CoherenceCounts>,
     rays: RayCounts,
-    wrong_pixels: u64,
 }
 
-fn row(
-    plan: &Table1Plan,
-    scenes: &[NamedScene],
-    options: &RenderOptions,
-    repetitions: usize,
-    step: &mut dyn FnMut(&str),
-) -> Result<Row, StudyError> {
-    let n_strategies = 1 + plan.readings.len();
-    let mut gathered: Vec<Gathered> = (0..n_strategies).map(|_| Gathered::default()).collect();
-    for scene in scenes {
-        let strategies = strategies(plan, scene);
-        let mut seconds = vec![Vec::new(); n_strategies];
-        let mut seconds_frame = vec![Vec::new(); n_strategies];
-        for repetition in 0..repetitions {
-            step(&scene.name);
-            let mut frames: Vec<Option<Frame>> = vec![None; n_strategies];
-            // The one that goes first changes, so that none always finds the warmer machine.
-            for turn in 0..n_strategies {
-                let i = (turn + repetition) % n_strategies;
-                frames[i] = Some(render(strategies[i].1.as_ref(), options)?);
-            }
-            let frames: Vec<Frame> = frames.into_iter().flatten().collect();
-            let standard = &frames[0];
-            for (i, frame) in frames.iter().enumerate() {
-                let (inside, whole) = (frame.times.strategy.as_secs_f64(), frame.times.trace.as_secs_f64());
-                seconds[i].push(inside);
-                seconds_frame[i].push(whole);
-                gathered[i].ratios.push(inside / standard.times.strategy.as_secs_f64());
-                gathered[i].ratios_frame.push(whole / standard.times.trace.as_secs_f64());
-                if repetition == 0 {
-                    gathered[i].count(frame, standard);
+impl Match {
+    /// The strategies with their names, bound to a scene: `standard` is the first.
+    fn strategies<'s>(&'s self, scene: &'s NamedScene) -> Vec<(&'s str, Box<dyn IntersectionStrategy + 's>)> {
+        let standard = StrategyKind::Standard;
+        let mut strategies = vec![(standard.name(), standard.bind_on(&scene.scene, self.backend))];
+        for Reading { name, options } in &self.readings {
+            strategies.push((name, Box::new(Speer1985::on(&scene.scene, self.backend, *options))));
+        }
+        strategies
+    }
+
+    fn pictures(&self, scene: &NamedScene) -> Result<Pictures, StudyError> {
+        let layers = Layers::BEAUTY.with(Layer::Rays).with(Layer::Coherent);
+        let options = RenderOptions { layers, ..self.options };
+        let mut frames = Vec::new();
+        for (name, strategy) in self.strategies(scene) {
+            frames.push((name.to_owned(), render(strategy.as_ref(), &options)?));
+        }
+        Ok(Pictures { scene: scene.name.clone(), options, frames })
+    }
+
+    /// A row, and what `standard` and the first reading counted for each scene.
+    fn row(&self, scenes: &[NamedScene], step: &mut dyn FnMut(&str)) -> Result<(Row, Vec<Pair>), StudyError> {
+        let n_strategies = 1 + self.readings.len();
+        let mut gathered: Vec<Gathered> = (0..n_strategies).map(|_| Gathered::default()).collect();
+        for scene in scenes {
+            let strategies = self.strategies(scene);
+            let mut seconds = vec![Vec::new(); n_strategies];
+            let mut seconds_frame = vec![Vec::new(); n_strategies];
+            for repetition in 0..self.repetitions {
+                step(&scene.name);
+                let mut frames: Vec<Option<Frame>> = vec![None; n_strategies];
+                // The one that goes first changes, so that none always finds the warmer machine.
+                for turn in 0..n_strategies {
+                    let i = (turn + repetition) % n_strategies;
+                    frames[i] = Some(render(strategies[i].1.as_ref(), &self.options)?);
+                }
+                let frames: Vec<Frame> = frames.into_iter().flatten().collect();
+                let standard = &frames[0];
+                for (i, frame) in frames.iter().enumerate() {
+                    let (inside, whole) =
+                        (frame.times.strategy.as_secs_f64(), frame.times.trace.as_secs_f64());
+                    seconds[i].push(inside);
+                    seconds_frame[i].push(whole);
+                    gathered[i].ratios.push(inside / standard.times.strategy.as_secs_f64());
+                    gathered[i].ratios_frame.push(whole / standard.times.trace.as_secs_f64());
+                    if repetition == 0 {
+                        gathered[i].count(frame, standard);
+                    }
                 }
             }
+            step(&scene.name);
+            for (gathered, reading) in gathered[1..].iter_mut().zip(&self.readings) {
+                let audited = Speer1985Options { audit: true, ..reading.options };
+                let audit = render(&Speer1985::on(&scene.scene, self.backend, audited), &self.options)?;
+                gathered.kinds += audit.stats.coherence;
+            }
+            for (i, gathered) in gathered.iter_mut().enumerate() {
+                gathered.seconds.push(Spread::of(&seconds[i]).median);
+                gathered.seconds_frame.push(Spread::of(&seconds_frame[i]).median);
+            }
         }
-        step(&scene.name);
-        for (i, reading) in plan.readings.iter().enumerate() {
-            let audited = Speer1985Options { audit: true, ..reading.options };
-            let audit = render(&Speer1985::on(&scene.scene, plan.backend, audited), options)?;
-            gathered[i + 1].kinds += audit.stats.coherence;
-        }
-        for (i, gathered) in gathered.iter_mut().enumerate() {
-            gathered.seconds.push(Spread::of(&seconds[i]).median);
-            gathered.seconds_frame.push(Spread::of(&seconds_frame[i]).median);
+        let first = &scenes[0];
+        let standard = &gathered[0];
+        let names = self.strategies(first).into_iter().map(|(name, _)| name.to_owned());
+        let literal = Speer1985Options::default();
+        let readings = std::iter::once(&literal).chain(self.readings.iter().map(|reading| &reading.options));
+        let measured =
+            gathered.iter().zip(readings).map(|(it, reading)| self.measured(it, standard, reading));
+        let row = Row {
+            scene: first.name.clone(),
+            spheres: first.spheres,
+            volumes: first.scene.volumes().len(),
+            primitives: first.scene.n_primitives(),
+            seeds: scenes.len(),
+            resolution: self.options.width,
+            rays: standard.rays.total().cast,
+            strategies: names.zip(measured).collect(),
+        };
+        let pixels = u64::from(self.options.width) * u64::from(self.options.height);
+        let pairs = gathered.get(1).map_or_else(Vec::new, |speer| speer.pairs(standard, pixels));
+        Ok((row, pairs))
+    }
+
+    fn measured(&self, gathered: &Gathered, standard: &Gathered, reading: &Speer1985Options) -> StrategyRow {
+        let mean =
+            |values: &[f64]| values.iter().fold(0.0, |sum, value| sum + value) / float(values.len() as u64);
+        let all = Counts::of(&gathered.rays, &gathered.stats);
+        let all_standard = Counts::of(&standard.rays, &standard.stats);
+        let percents: Vec<_> =
+            gathered.counts.iter().filter_map(|counts| self.counting.percent(counts, reading)).collect();
+        let ratio_time_spread = Spread::of(&gathered.ratios);
+        let fitted = self.cost.map(|cost| {
+            let pairs = gathered.counts.iter().zip(&standard.counts);
+            let ratios: Vec<_> = pairs.map(|(ours, standard)| cost.of(ours) / cost.of(standard)).collect();
+            Fitted { ratio: cost.of(&all) / cost.of(&all_standard), spread: Spread::of(&ratios) }
+        });
+        let (radii, lengths) = (&gathered.stats.radii, &gathered.stats.lengths);
+        StrategyRow {
+            seconds: mean(&gathered.seconds),
+            seconds_frame: mean(&gathered.seconds_frame),
+            work: all.in_tests(),
+            partitions: all.partitions,
+            percent_coherent: self.counting.percent(&all, reading).unwrap_or_default(),
+            percent_coherent_spread: Spread::of(&percents),
+            ratio_time: ratio_time_spread.median,
+            ratio_time_spread,
+            ratio_time_frame: Spread::of(&gathered.ratios_frame).median,
+            ratio_work: float(all.in_tests()) / float(all_standard.in_tests()),
+            fitted,
+            wrong_pixels: gathered.wrong_pixels.iter().sum(),
+            kinds: RayKind::ALL.into_iter().map(|kind| (kind.name(), gathered.kind(kind))).collect(),
+            median_radius: radii.quantile(0.5).filter(|radius| radius.is_finite()),
+            unbounded_radii: float(radii.infinite()) / float(radii.count().max(1)),
+            median_length: lengths.quantile(0.5).filter(|length| length.is_finite()),
+            radii: radii.bins().collect(),
+            lengths: lengths.bins().collect(),
         }
     }
-    let first = &scenes[0];
-    let work = gathered[0].stats.work.in_tests();
-    let names = strategies(plan, first).into_iter().map(|(name, _)| name.to_owned());
-    Ok(Row {
-        scene: first.name.clone(),
-        spheres: first.spheres,
-        volumes: first.scene.volumes().len(),
-        primitives: first.scene.n_primitives(),
-        seeds: scenes.len(),
-        resolution: options.width,
-        rays: gathered[0].rays.total().cast,
-        strategies: names.zip(gathered.iter().map(|gathered| gathered.row(work))).collect(),
-    })
 }
 
 impl Gathered {
     fn count(&mut self, frame: &Frame, standard: &Frame) {
-        let coherent = frame.stats.coherence.total().coherent;
-        self.percents.push(percent(coherent, frame.counts.total().cast));
+        self.counts.push(Counts::of(&frame.counts, &frame.stats));
+        self.wrong_pixels.push(frame.differing_pixels(standard) as u64);
         self.stats += &frame.stats;
         self.rays += frame.counts;
-        self.wrong_pixels += frame.differing_pixels(standard) as u64;
     }
 
-    fn row(&self, standard_work: u64) -> StrategyRow {
-        let mean =
-            |values: &[f64]| values.iter().fold(0.0, |sum, value| sum + value) / float(values.len() as u64);
-        let coherence = |kind: RayKind| {
-            let counts = self.stats.coherence[kind];
-            let tally = self.rays[kind];
-            KindRow {
-                cast: tally.cast,
-                hit: tally.hit,
-                guided: counts.guided,
-                predicted_missed: counts.predicted_missed,
-                pierced: counts.pierced,
-                false_coherence: counts.false_coherence,
-                coherent: counts.coherent,
-                wrong: self.kinds[kind].wrong,
-            }
-        };
-        let work = self.stats.work.in_tests();
-        let radii = &self.stats.radii;
-        let ratio_time_spread = Spread::of(&self.ratios);
-        StrategyRow {
-            seconds: mean(&self.seconds),
-            seconds_frame: mean(&self.seconds_frame),
-            work,
-            partitions: self.stats.work.partitions,
-            percent_coherent: percent(self.stats.coherence.total().coherent, self.rays.total().cast),
-            percent_coherent_spread: Spread::of(&self.percents),
-            ratio_time: ratio_time_spread.median,
-            ratio_time_spread,
-            ratio_time_frame: Spread::of(&self.ratios_frame).median,
-            ratio_work: float(work) / float(standard_work),
-            wrong_pixels: self.wrong_pixels,
-            kinds: RayKind::ALL.into_iter().map(|kind| (kind.name(), coherence(kind))).collect(),
-            median_radius: radii.quantile(0.5).filter(|radius| radius.is_finite()),
-            unbounded_radii: float(radii.infinite()) / float(radii.count().max(1)),
-            median_length: self.stats.lengths.quantile(0.5).filter(|length| length.is_finite()),
-            radii: radii.bins().collect(),
-            lengths: self.stats.lengths.bins().collect(),
+    fn kind(&self, kind: RayKind) -> KindRow {
+        let (counts, tally) = (self.stats.coherence[kind], self.rays[kind]);
+        KindRow {
+            cast: tally.cast,
+            hit: tally.hit,
+            guided: counts.guided,
+            predicted_missed: counts.predicted_missed,
+            pierced: counts.pierced,
+            false_coherence: counts.false_coherence,
+            coherent: counts.coherent,
+            wrong: self.kinds[kind].wrong,
         }
+    }
+
+    fn pairs(&self, standard: &Self, pixels: u64) -> Vec<Pair> {
+        let counts = standard.counts.iter().zip(&self.counts).zip(&self.wrong_pixels);
+        let pair = |((standard, speer), wrong_pixels): ((&Counts, &Counts), &u64)| Pair {
+            standard: standard.clone(),
+            speer: speer.clone(),
+            wrong_pixels: *wrong_pixels,
+            pixels,
+        };
+        counts.map(pair).collect()
     }
 }

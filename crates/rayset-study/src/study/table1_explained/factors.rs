@@ -1,10 +1,9 @@
 //! What the paper leaves open, as factors with levels.
 
 use rayset_engine::{PixelOrder, Speer1985Options};
-use rayset_scene::glam::DVec3;
-use rayset_scene::{Camera, Color, Light, RandomSpheres, Scene, SceneBuilder, SphereSize};
+use rayset_scene::SphereSize;
 
-use crate::StudyError;
+use crate::Conditions;
 
 /// Every factor with its levels; the first is the default of `repro-table1`.
 ///
@@ -70,75 +69,32 @@ impl Setting {
         self
     }
 
-    /// The factors that are not at their default.
-    pub(crate) fn differences(&self) -> String {
-        let others: Vec<_> = self
-            .levels()
-            .zip(FACTORS)
-            .filter(|((_, level), (_, levels))| *level != levels[0])
-            .map(|((name, level), _)| format!("{name}={level}"))
-            .collect();
-        if others.is_empty() { "all at their defaults".to_owned() } else { others.join(", ") }
-    }
-
-    /// The reading of section 2.3.
-    pub(crate) fn reading(&self) -> Speer1985Options {
-        let mut options = Speer1985Options::default();
+    /// What the levels mean.
+    pub(crate) fn conditions(&self) -> Conditions {
+        let mut reading = Speer1985Options::default();
         for (name, level) in self.levels().take(N_OPTIONS) {
-            options.choose(name, level).expect("the factors are the options");
+            reading.choose(name, level).expect("the factors are the options");
         }
-        options
-    }
-
-    pub(super) fn order(&self) -> PixelOrder {
-        match self.level("order") {
-            "scanline" => PixelOrder::Scanline,
-            "serpentine" => PixelOrder::Serpentine,
-            _ => PixelOrder::Tiles(8),
-        }
-    }
-
-    pub(super) fn resolution(&self) -> u32 {
-        number(self.level("resolution"))
-    }
-
-    pub(super) fn cutoff(&self) -> Option<f64> {
-        match self.level("cutoff") {
-            "off" => None,
-            "1/256" => Some(1.0 / 256.0),
-            level => Some(number(level)),
-        }
-    }
-
-    /// The scene of a seed.
-    pub(super) fn scene(&self, count: u32, seed: u64) -> Result<Scene, StudyError> {
-        let spheres = RandomSpheres {
-            count,
-            seed,
+        Conditions {
+            reading,
+            order: match self.level("order") {
+                "scanline" => PixelOrder::Scanline,
+                "serpentine" => PixelOrder::Serpentine,
+                _ => PixelOrder::Tiles(8),
+            },
+            resolution: number(self.level("resolution")),
             size: size(self.level("size")),
             reflectance: number(self.level("reflectance")),
             transmittance: number(self.level("glass")),
-            ..RandomSpheres::default()
-        };
-        let lights: usize = number(self.level("lights"));
-        if lights == LIGHTS.len() {
-            return Ok(spheres.scene()?);
+            cutoff: match self.level("cutoff") {
+                "off" => None,
+                "1/256" => Some(1.0 / 256.0),
+                level => Some(number(level)),
+            },
+            lights: number(self.level("lights")),
         }
-        // As `RandomSpheres::scene`, with fewer lights.
-        let mut builder = SceneBuilder::new();
-        builder.camera(Camera::new(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO, DVec3::Y, 28.0)?);
-        builder.background(Color::new(0.10, 0.15, 0.25));
-        builder.ambient(Color::splat(0.15));
-        for &(position, intensity) in &LIGHTS[..lights] {
-            builder.add_light(Light::point(position, Color::splat(intensity)));
-        }
-        spheres.add_to(&mut builder)?;
-        Ok(builder.build()?)
     }
 }
-
-/// The lights of `RandomSpheres`.
-const LIGHTS: [(DVec3, f64); 2] = [(DVec3::new(-4.0, 6.0, 6.0), 0.7), (DVec3::new(5.0, 2.0, 5.0), 0.4)];
 
 /// The size of spheres by name.
 pub(crate) fn size(level: &str) -> SphereSize {
@@ -156,37 +112,34 @@ fn number<T: std::str::FromStr>(level: &str) -> T {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::conditions::name_of_size;
 
     #[test]
-    fn every_level_means_something() {
+    fn every_level_means_something_and_no_two_mean_the_same() {
         for (factor, levels) in FACTORS {
+            let mut seen = Vec::new();
             for level in levels {
                 let setting = Setting::default().with(factor, level);
                 assert_eq!(setting.level(factor), *level);
-                let _ = (setting.reading(), setting.order(), setting.resolution(), setting.cutoff());
-                assert!(setting.scene(2, 1).is_ok(), "{factor} = {level}");
+                let conditions = setting.conditions();
+                assert!(conditions.scene(2, 1).is_ok(), "{factor} = {level}");
+                assert!(!seen.contains(&conditions), "{factor} = {level}");
+                seen.push(conditions);
             }
         }
     }
 
     #[test]
     fn the_default_is_that_of_the_program() {
-        let setting = Setting::default();
-        assert_eq!(setting.reading(), Speer1985Options::default());
-        assert_eq!(setting.differences(), "all at their defaults");
-        let (ours, theirs) = (setting.scene(8, 1).unwrap(), crate::sphere_scene(8, 1).unwrap().scene);
-        assert_eq!((ours.objects(), ours.lights()), (theirs.objects(), theirs.lights()));
-        assert_eq!(setting.with("slab", "centre").with("lights", "0").differences(), "slab=centre, lights=0");
+        assert_eq!(Setting::default().conditions(), Conditions::default());
+        let other = Setting::default().with("slab", "centre").with("lights", "0");
+        assert_eq!(other.conditions().differences(), "slab=centre, lights=0");
     }
 
     #[test]
-    fn fewer_lights_change_nothing_else() {
-        let (two, one) = (Setting::default(), Setting::default().with("lights", "1"));
-        let (two, one) = (two.scene(4, 3).unwrap(), one.scene(4, 3).unwrap());
-        assert_eq!((one.lights().len(), one.lights()[0]), (1, two.lights()[0]));
-        assert_eq!(
-            (one.objects(), one.background(), one.ambient()),
-            (two.objects(), two.background(), two.ambient())
-        );
+    fn sizes_are_called_as_their_levels() {
+        for level in SIZES {
+            assert_eq!(name_of_size(size(level)), *level);
+        }
     }
 }

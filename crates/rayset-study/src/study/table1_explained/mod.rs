@@ -2,7 +2,6 @@
 
 mod design;
 mod factors;
-mod measures;
 mod report;
 mod score;
 mod trial;
@@ -14,11 +13,11 @@ use std::path::Path;
 use self::factors::Setting;
 pub(super) use self::factors::size;
 use self::score::{Score, Tried};
-use self::trial::{Pair, Trial};
+use self::trial::Trial;
 use super::journal::Journal;
 use super::runner::{Experiment, Step, run_missing};
 use super::{Scale, StudyName};
-use crate::{PAPER, StudyError};
+use crate::{PAPER, Pair, StudyError};
 
 /// How much of the study to run.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +52,7 @@ impl Plan {
     }
 
     fn allows(&self, setting: &Setting) -> bool {
-        !self.small || setting.resolution() <= 96
+        !self.small || setting.conditions().resolution <= 96
     }
 
     /// The settings that are tried in any case.
@@ -135,4 +134,66 @@ fn tried(journal: &Journal<Pair>, setting: Setting, seeds: RangeInclusive<u64>) 
 
 fn scores(journal: &Journal<Pair>, plan: &Plan, settings: &BTreeSet<Setting>) -> Vec<Score> {
     settings.iter().filter_map(|setting| Score::of(&tried(journal, *setting, plan.chosen())?)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Counts, Preset, Table1, Table1Plan};
+
+    /// The nearest setting as the findings have it: by its factors.
+    fn nearest() -> Setting {
+        let setting = Setting::default().with("misses", "cylinder").with("slab", "inside");
+        setting.with("order", "serpentine").with("resolution", "64").with("size", "cover-0.2")
+    }
+
+    #[test]
+    fn what_the_study_found_nearest_is_the_preset_of_table_1() {
+        let (setting, preset, plan) = (nearest(), Preset::nearest(), Plan::of(Scale::Full));
+        assert_eq!((setting.conditions(), plan.chosen()), (preset.conditions, preset.chosen_by.clone()));
+        let rows = PAPER.map(|row| {
+            let seeds = plan.chosen().map(|seed| Trial { setting, spheres: row.spheres, seed });
+            seeds.map(|trial| trial.run().unwrap()).collect()
+        });
+        // Whatever the journals made of it stands in the document: the same setting, counted anew, must say the same.
+        let score = Score::of(&Tried { setting, rows }).unwrap();
+        assert_eq!((score.coherence.measure, score.fitted.measure), (preset.counting, preset.cost));
+        let found = include_str!("../../../../../docs/study.md");
+        let (_, found) = found.split_once("#### Nearest in both, cost measure fitted\n\n").unwrap();
+        let now = format!("{}{}", report::one(&score), report::preset_of(&score));
+        assert!(now.ends_with("This is the column `speer-1985-nearest` of Table 1.\n"), "{now}");
+        assert_eq!(found.get(..now.len()), Some(now.as_str()));
+    }
+
+    #[test]
+    fn the_column_of_table_1_counts_what_the_study_counts() {
+        let preset = Preset::nearest();
+        let plan = Table1Plan {
+            seeds: vec![2, 9],
+            repetitions: 1,
+            resolution: 8,
+            mesh_resolutions: [0; 4],
+            ..Table1Plan::full("".into())
+        };
+        let mut steps = 0;
+        let table = Table1::run(&plan, &mut |_| steps += 1).unwrap();
+        assert_eq!(steps, plan.n_steps());
+        let column = *table.columns().last().unwrap();
+        assert_eq!((column.name, column.preset.unwrap().misses.len()), (preset.name, 2));
+        for (row, measured) in column.spheres() {
+            let spheres = row.spheres.unwrap();
+            let pairs = [2, 9].map(|seed| Trial { setting: nearest(), spheres, seed }.run().unwrap());
+            let sum = |count: fn(&Pair) -> u64| pairs.iter().map(count).sum::<u64>();
+            assert_eq!(row.rays, sum(|pair| pair.standard.rays()));
+            assert_eq!(measured.work, sum(|pair| pair.speer.in_tests()));
+            assert_eq!(measured.wrong_pixels, sum(|pair| pair.wrong_pixels));
+            let coherent: u64 = measured.kinds.values().map(|kind| kind.coherent).sum();
+            assert_eq!(coherent, sum(|pair| pair.speer.coherent.iter().sum()));
+            let cost =
+                |count: fn(&Pair) -> &Counts| pairs.iter().map(|pair| preset.cost.of(count(pair))).sum();
+            let (ours, standard): (f64, f64) = (cost(|pair| &pair.speer), cost(|pair| &pair.standard));
+            assert!((measured.fitted.unwrap().ratio - ours / standard).abs() < 1e-12);
+        }
+        assert_eq!(column.spheres().count(), 4);
+    }
 }

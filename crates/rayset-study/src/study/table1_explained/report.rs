@@ -3,10 +3,9 @@
 use std::fmt::Write;
 
 use super::factors::{FACTORS, Setting};
-use super::measures::{Cost, Counting};
-use super::score::{Near, POINTS, RATIO, Score, Tried};
-use crate::PAPER;
-use crate::study::interval::Median;
+use super::score::{Score, Tried};
+use crate::measures::{Near, POINTS, RATIO};
+use crate::{Cost, Counting, Median, PAPER, Preset};
 
 /// `others` has the trials with other seeds of each score, where they are finished.
 pub(super) fn markdown(scores: &[Score], others: &[Option<Tried>], planned: usize, seeds: u64) -> String {
@@ -47,11 +46,12 @@ pub(super) fn markdown(scores: &[Score], others: &[Option<Tried>], planned: usiz
         if let Some(score) = score {
             text += &format!("\n#### {}\n\n", capitalised(name));
             if shown.contains(&score.setting) {
-                text += &format!("As above: {}.\n", score.setting.differences());
+                text += &format!("As above: {}.\n", score.setting.conditions().differences());
                 continue;
             }
             shown.push(score.setting);
             text += &one(score);
+            text += &preset_of(score);
             let place = scores.iter().position(|other| other.setting == score.setting);
             let others = place.and_then(|place| score.on_others(others[place].as_ref()?));
             if let Some((points, ratio)) = others {
@@ -126,12 +126,12 @@ fn robust<'s>(scores: &'s [Score], others: &[Option<Tried>]) -> Option<&'s Score
 const GROWTH: f64 = 0.2;
 
 /// A setting beside the paper.
-fn one(score: &Score) -> String {
+pub(super) fn one(score: &Score) -> String {
     let Near { measure: counting, error: points, .. } = &score.coherence;
     let counting: &Counting = counting;
     let mut text = format!(
         "Setting: {}.\nPercent of {counting}; error {points:.1} points.\nRatios in the fitted measure ({}): error {:.3}; in tests: error {:.3}; with the paper's lambda: error {:.3}.\n\n",
-        score.setting.differences(),
+        score.setting.conditions().differences(),
         score.fitted.measure,
         score.fitted.error,
         score.fixed[0].error,
@@ -162,6 +162,15 @@ fn one(score: &Score) -> String {
         100.0 * score.wrong
     );
     text
+}
+
+/// Whether Table 1 has a column of this setting, with the same percentage and the same cost.
+pub(super) fn preset_of(score: &Score) -> String {
+    let preset = Preset::nearest();
+    let is_it = score.setting.conditions() == preset.conditions
+        && score.coherence.measure == preset.counting
+        && score.fitted.measure == preset.cost;
+    if is_it { format!("This is the column `{}` of Table 1.\n", preset.name) } else { String::new() }
 }
 
 fn percent(median: &Median) -> String {

@@ -3,30 +3,15 @@
 use std::cmp::Ordering;
 
 use super::factors::Setting;
-use super::measures::{Cost, Counting};
-use super::trial::Pair;
-use crate::PAPER;
-use crate::study::interval::Median;
-
-/// How far a percentage may be off, in points.
-pub(crate) const POINTS: f64 = 5.0;
-
-/// How far a ratio may be off.
-pub(crate) const RATIO: f64 = 0.05;
+use crate::measures::{Near, POINTS, RATIO};
+use crate::study::counts::ratio;
+use crate::{Cost, Counting, Median, PAPER, Pair};
 
 /// The trials of a setting: for each row of the paper, one for every seed.
 #[derive(Clone, Debug)]
 pub(crate) struct Tried {
     pub(crate) setting: Setting,
     pub(crate) rows: [Vec<Pair>; 4],
-}
-
-/// Four figures, one a row, and the greatest distance from the paper's.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Near<M> {
-    pub(crate) measure: M,
-    pub(crate) rows: [Median; 4],
-    pub(crate) error: f64,
 }
 
 /// A setting with the measures in which it comes nearest.
@@ -47,17 +32,19 @@ pub(crate) struct Score {
 
 impl Score {
     pub(crate) fn of(tried: &Tried) -> Option<Self> {
-        let coherence = Counting::all().filter_map(|counting| coherence(tried, counting));
-        let fitted = Cost::grid().map(|cost| cost_of(tried, cost)).min_by(least)?;
+        let reading = tried.setting.conditions().reading;
+        let coherence = Counting::all().filter_map(|counting| counting.near(&reading, &tried.rows));
+        let fitted = Cost::grid().filter_map(|cost| cost.near(&tried.rows)).min_by(least)?;
+        let fixed = |i: usize| Cost::FIXED[i].near(&tried.rows);
         let worst = |row: &Vec<Pair>| {
             let (wrong, all) =
                 row.iter().fold((0, 0), |(a, b), pair| (a + pair.wrong_pixels, b + pair.pixels));
-            crate::study::counts::ratio(wrong, all)
+            ratio(wrong, all)
         };
         Some(Self {
             setting: tried.setting,
             coherence: coherence.min_by(least)?,
-            fixed: Cost::FIXED.map(|cost| cost_of(tried, cost)),
+            fixed: [fixed(0)?, fixed(1)?],
             growth: growth(tried, &fitted.measure),
             fitted,
             wrong: tried.rows.iter().map(worst).fold(0.0, f64::max),
@@ -76,8 +63,9 @@ impl Score {
 
     /// The distances of other trials of the same setting, in the same counting and the same fitted measure.
     pub(crate) fn on_others(&self, tried: &Tried) -> Option<(f64, f64)> {
-        let points = coherence(tried, self.coherence.measure)?.error;
-        Some((points, cost_of(tried, self.fitted.measure).error))
+        let reading = self.setting.conditions().reading;
+        let points = self.coherence.measure.near(&reading, &tried.rows)?.error;
+        Some((points, self.fitted.measure.near(&tried.rows)?.error))
     }
 
     /// The greatest error of growth, as a fraction of the paper's.
@@ -96,31 +84,6 @@ fn least<M>(a: &Near<M>, b: &Near<M>) -> Ordering {
     a.error.total_cmp(&b.error)
 }
 
-fn coherence(tried: &Tried, counting: Counting) -> Option<Near<Counting>> {
-    let mut rows = [Median::of(&[]); 4];
-    for (row, pairs) in rows.iter_mut().zip(&tried.rows) {
-        // A seed whose sphere is not seen has no such ray.
-        let percents: Vec<_> =
-            pairs.iter().filter_map(|pair| counting.percent(&pair.speer, &tried.setting)).collect();
-        *row = Median::of(&percents);
-    }
-    near(counting, rows, PAPER.map(|row| row.percent_coherent))
-}
-
-fn cost_of(tried: &Tried, cost: Cost) -> Near<Cost> {
-    let rows = [0, 1, 2, 3].map(|row| {
-        let ratios: Vec<_> = tried.rows[row].iter().map(|pair| cost.ratio(pair)).collect();
-        Median::of(&ratios)
-    });
-    near(cost, rows, PAPER.map(|row| row.ratio_recomputed)).expect("every frame costs something")
-}
-
-fn near<M>(measure: M, rows: [Median; 4], paper: [f64; 4]) -> Option<Near<M>> {
-    let errors = rows.iter().zip(paper).map(|(row, paper)| (row.value - paper).abs());
-    let error = errors.fold(0.0, |worst, error| if error.is_nan() || worst > error { worst } else { error });
-    rows.iter().all(|row| row.value.is_finite()).then_some(Near { measure, rows, error })
-}
-
 fn growth(tried: &Tried, cost: &Cost) -> [f64; 3] {
     let standard = |row: usize| {
         let costs: Vec<_> = tried.rows[row].iter().map(|pair| cost.of(&pair.standard)).collect();
@@ -132,7 +95,7 @@ fn growth(tried: &Tried, cost: &Cost) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::counts::Counts;
+    use crate::Counts;
 
     /// One seed whose counts are the paper's own figures.
     fn like_the_paper() -> Tried {

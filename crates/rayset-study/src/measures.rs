@@ -2,21 +2,32 @@
 
 use std::fmt;
 
-use super::factors::Setting;
-use super::trial::Pair;
-use crate::study::counts::{Counts, float, ratio};
+use rayset_engine::{LightRule, MissRule, Speer1985Options};
+use serde::Serialize;
+
+use crate::study::{float, ratio};
+use crate::{Counts, Median, PAPER, Pair};
+
+/// How far a percentage may be off, in points.
+pub(crate) const POINTS: f64 = 5.0;
+
+/// How far a ratio may be off.
+pub(crate) const RATIO: f64 = 0.05;
 
 /// Which kinds of rays the percentage is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Which {
+pub enum Which {
+    /// Initial rays.
     Initial,
+    /// Initial, reflected and refracted rays.
     WithoutLight,
+    /// Light rays too.
     All,
 }
 
 /// Which of those are counted as rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Among {
+pub enum Among {
     /// All that are cast.
     Cast,
     /// Those that hit something; only where misses and unblocked light rays leave no cylinder, or coherent hits and
@@ -26,11 +37,21 @@ pub(crate) enum Among {
     Guided,
 }
 
+/// Four figures, one a row of the paper, and the greatest distance from the paper's.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Near<M> {
+    pub(crate) measure: M,
+    pub(crate) rows: [Median; 4],
+    pub(crate) error: f64,
+}
+
 /// What "percent rays coherent" counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Counting {
-    pub(crate) which: Which,
-    pub(crate) among: Among,
+pub struct Counting {
+    /// The kinds.
+    pub which: Which,
+    /// Those of them that are the whole.
+    pub among: Among,
 }
 
 impl Counting {
@@ -42,9 +63,13 @@ impl Counting {
             .flat_map(|which| [Among::Cast, Among::Hits, Among::Guided].map(|among| Self { which, among }))
     }
 
+    /// Coherent rays of all rays cast.
+    pub const ALL_CAST: Self = Self { which: Which::All, among: Among::Cast };
+
     /// The percentage; `None` where it cannot be told or there is no ray.
-    pub(crate) fn percent(self, counts: &Counts, setting: &Setting) -> Option<f64> {
-        let has_unblocked = self.which == Which::All && setting.level("light_rays") == "all";
+    #[must_use]
+    pub fn percent(self, counts: &Counts, reading: &Speer1985Options) -> Option<f64> {
+        let has_unblocked = self.which == Which::All && reading.light_rays == LightRule::All;
         let kinds = match self.which {
             Which::Initial => 0..1,
             Which::WithoutLight => 0..3,
@@ -52,12 +77,25 @@ impl Counting {
         };
         let whole = match self.among {
             Among::Cast => &counts.cast,
-            Among::Hits if setting.level("misses") == "cylinder" || has_unblocked => return None,
+            Among::Hits if reading.misses == MissRule::Cylinder || has_unblocked => return None,
             Among::Hits => &counts.hit,
             Among::Guided => &counts.guided,
         };
         let whole: u64 = whole[kinds.clone()].iter().sum();
         (whole > 0).then(|| 100.0 * ratio(counts.coherent[kinds].iter().sum(), whole))
+    }
+}
+
+impl Counting {
+    /// The percentages beside the paper's, medians over seeds; `None` where a row has none.
+    pub(crate) fn near(self, reading: &Speer1985Options, rows: &[Vec<Pair>; 4]) -> Option<Near<Self>> {
+        // A seed whose sphere is not seen has no such ray.
+        let median = |pairs: &Vec<Pair>| {
+            let percents: Vec<_> =
+                pairs.iter().filter_map(|pair| self.percent(&pair.speer, reading)).collect();
+            Median::of(&percents)
+        };
+        near(self, rows.each_ref().map(median), PAPER.map(|row| row.percent_coherent))
     }
 }
 
@@ -78,23 +116,23 @@ impl fmt::Display for Counting {
 }
 
 /// What work costs, in tests of one primitive.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Cost {
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Cost {
     /// Of classifying a volume: the paper's k.
-    pub(crate) k: f64,
+    pub k: f64,
     /// Of looking at a member of N for the radius, over `k`.
-    pub(crate) lambda_over_k: f64,
+    pub lambda_over_k: f64,
     /// Of a pierce check: 2 in the paper.
-    pub(crate) pierce: f64,
+    pub pierce: f64,
     /// Of a ray besides, in both algorithms: the paper's alpha.
-    pub(crate) alpha: f64,
+    pub alpha: f64,
 }
 
 impl Cost {
     /// `Work::in_tests`: every test and comparison the same, two for a pierce check.
-    pub(crate) const TESTS: Self = Self { k: 1.0, lambda_over_k: 1.0, pierce: 2.0, alpha: 0.0 };
+    pub const TESTS: Self = Self { k: 1.0, lambda_over_k: 1.0, pierce: 2.0, alpha: 0.0 };
     /// The same with the paper's own lambda, from its last row.
-    pub(crate) const PAPER_LAMBDA: Self = Self { lambda_over_k: PAPER_LAMBDA, ..Self::TESTS };
+    pub const PAPER_LAMBDA: Self = Self { lambda_over_k: PAPER_LAMBDA, ..Self::TESTS };
 
     /// The measures that are fixed beforehand.
     pub(crate) const FIXED: [Self; 2] = [Self::TESTS, Self::PAPER_LAMBDA];
@@ -111,7 +149,8 @@ impl Cost {
     }
 
     /// The cost of a frame.
-    pub(crate) fn of(&self, counts: &Counts) -> f64 {
+    #[must_use]
+    pub fn of(&self, counts: &Counts) -> f64 {
         float(counts.tests)
             + self.k * (float(counts.volumes) + self.lambda_over_k * float(counts.comparisons))
             + self.pierce * float(counts.pierce_checks)
@@ -119,9 +158,27 @@ impl Cost {
     }
 
     /// Coherent over standard.
-    pub(crate) fn ratio(&self, pair: &Pair) -> f64 {
+    #[must_use]
+    pub fn ratio(&self, pair: &Pair) -> f64 {
         self.of(&pair.speer) / self.of(&pair.standard)
     }
+}
+
+impl Cost {
+    /// The ratios beside the paper's, medians over seeds; `None` where a row has none.
+    pub(crate) fn near(self, rows: &[Vec<Pair>; 4]) -> Option<Near<Self>> {
+        let median = |pairs: &Vec<Pair>| {
+            let ratios: Vec<_> = pairs.iter().map(|pair| self.ratio(pair)).collect();
+            Median::of(&ratios)
+        };
+        near(self, rows.each_ref().map(median), PAPER.map(|row| row.ratio_recomputed))
+    }
+}
+
+fn near<M>(measure: M, rows: [Median; 4], paper: [f64; 4]) -> Option<Near<M>> {
+    let errors = rows.iter().zip(paper).map(|(row, paper)| (row.value - paper).abs());
+    let error = errors.fold(0.0, |worst, error| if error.is_nan() || worst > error { worst } else { error });
+    rows.iter().all(|row| row.value.is_finite()).then_some(Near { measure, rows, error })
 }
 
 /// lambda / k when the paper's last row is the threshold: 1 / 0.511.
@@ -154,16 +211,18 @@ mod tests {
 
     #[test]
     fn percentages_are_of_the_rays_named() {
-        let percent =
-            |which, among| Counting { which, among }.percent(&counts(), &Setting::default()).unwrap();
+        let percent = |which, among| {
+            Counting { which, among }.percent(&counts(), &Speer1985Options::default()).unwrap()
+        };
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
         close(percent(Which::Initial, Among::Cast), 40.0);
         close(percent(Which::Initial, Among::Hits), 400.0 / 6.0);
         close(percent(Which::WithoutLight, Among::Cast), 500.0 / 16.0);
         close(percent(Which::All, Among::Guided), 700.0 / 9.0);
-        for (factor, level) in [("misses", "cylinder"), ("light_rays", "all")] {
-            let setting = Setting::default().with(factor, level);
-            assert_eq!(Counting { which: Which::All, among: Among::Hits }.percent(&counts(), &setting), None);
+        for (option, choice) in [("misses", "cylinder"), ("light_rays", "all")] {
+            let mut reading = Speer1985Options::default();
+            reading.choose(option, choice).unwrap();
+            assert_eq!(Counting { which: Which::All, among: Among::Hits }.percent(&counts(), &reading), None);
         }
         assert_eq!(Counting::all().count(), 9);
     }
