@@ -51,6 +51,12 @@ pub(super) fn section(plan: &ReportPlan, step: Step<'_>) -> Result<Section, Stud
             "The paper's table, and the same experiment on scenes of random spheres. "
             "The paper says neither its resolution nor its scenes, so its times compare with ours by their ratio only; and its printed ratios do not follow from its own times, so the recomputed ones stand beside them."
         }
+        @for preset in &table.presets {
+            p {
+                code { (preset.name) } " is the setting that came nearest to the paper's percentages among those tried, and no claim about what the authors did: "
+                (preset.differences) "; it counts " (preset.counting) "."
+            }
+        }
         @if is_new { p.note { "No results of Table 1 were recorded: its quick form was run for this report." } }
         (as_table(&groups))
         (figures(&groups)?)
@@ -94,6 +100,14 @@ fn groups(
             if let Some(standard) = row.strategies.get("standard") {
                 let strategies = row.strategies.iter().filter(|(name, _)| *name != "standard");
                 entries.extend(strategies.map(|(name, measured)| of_ours(name, row, standard, measured)));
+            }
+            for preset in &table.presets {
+                if let Some(row) = preset.rows.iter().find(|row| row.spheres == Some(n))
+                    && let (Some(standard), Some(measured)) =
+                        (row.strategies.get("standard"), row.strategies.get(&preset.name))
+                {
+                    entries.push(of_ours(&preset.name, row, standard, measured));
+                }
             }
             for (name, rows) in others.iter().filter(|(name, _)| *name != "standard") {
                 entries.extend(rows.get(i).map(|measured| of_others(name, scenes, measured)));

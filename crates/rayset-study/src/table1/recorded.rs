@@ -18,8 +18,24 @@ pub(crate) struct Recorded {
     pub(crate) paper: Vec<PaperRow>,
     /// Our rows: spheres, then meshes.
     pub(crate) ours: Vec<RecordedRow>,
+    /// Settings with scenes of their own.
+    #[serde(default)]
+    pub(crate) presets: Vec<RecordedPreset>,
     /// How it was run.
     pub(crate) options: RecordedOptions,
+}
+
+/// A setting with scenes of its own.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct RecordedPreset {
+    /// The name.
+    pub(crate) name: String,
+    /// What is not at its default, as text.
+    pub(crate) differences: String,
+    /// What its percentages count.
+    pub(crate) counting: String,
+    /// Its rows, one for every number of spheres.
+    pub(crate) rows: Vec<RecordedRow>,
 }
 
 /// One scene, over all seeds.
@@ -119,6 +135,7 @@ mod tests {
             assert_eq!(recorded.spheres, row.spheres);
             assert!(recorded.strategies.keys().eq(row.strategies.keys()));
         }
+        assert_eq!(recorded.presets.len(), table.presets.len());
         fs::write(folder.path().join("table1.json"), "{").unwrap();
         assert!(matches!(Recorded::read(folder.path()), Err(StudyError::Read { .. })));
     }
