@@ -112,9 +112,11 @@ impl Cost {
 
     /// The cost of a frame.
     pub(crate) fn of(&self, counts: &Counts) -> f64 {
-        float(counts.tests)
-            + self.k * (float(counts.volumes) + self.lambda_over_k * float(counts.comparisons))
-            + self.pierce * float(counts.pierce_checks)
+        float(counts.work.primitive_tests)
+            + self.k
+                * (float(counts.work.volumes_classified)
+                    + self.lambda_over_k * float(counts.work.radius_comparisons))
+            + self.pierce * float(counts.work.pierce_checks)
             + self.alpha * float(counts.rays())
     }
 
@@ -136,6 +138,8 @@ impl fmt::Display for Cost {
 
 #[cfg(test)]
 mod tests {
+    use rayset_engine::Work;
+
     use super::*;
 
     fn counts() -> Counts {
@@ -144,10 +148,13 @@ mod tests {
             hit: [6, 2, 2, 4],
             guided: [5, 1, 1, 2],
             coherent: [4, 1, 0, 2],
-            volumes: 100,
-            tests: 30,
-            pierce_checks: 5,
-            comparisons: 40,
+            work: Work {
+                volumes_classified: 100,
+                primitive_tests: 30,
+                pierce_checks: 5,
+                radius_comparisons: 40,
+                ..Work::default()
+            },
             ..Counts::default()
         }
     }

@@ -71,6 +71,6 @@ mod tests {
         let pair = trial.run().unwrap();
         assert_eq!(pair, trial.run().unwrap());
         assert_eq!((pair.pixels, pair.speer.cast[0]), (48 * 48, 48 * 48));
-        assert!(pair.speer.coherent[0] > 0 && pair.standard.cylinders == 0);
+        assert!(pair.speer.coherent[0] > 0 && pair.standard.work.cylinders_built == 0);
     }
 }
