@@ -144,10 +144,10 @@ impl AddAssign<&Self> for Stats {
 
 impl fmt::Display for Stats {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, (name, count)) in self.work.counts().enumerate() {
-            // Two a line.
-            let end = if i % 2 == 0 { ", " } else { "\n" };
-            write!(f, "{count} {}{end}", name.replace('_', " "))?;
+        for pair in self.work.counts().collect::<Vec<_>>().chunks(2) {
+            let shown: Vec<_> =
+                pair.iter().map(|(name, count)| format!("{count} {}", name.replace('_', " "))).collect();
+            writeln!(f, "{}", shown.join(", "))?;
         }
         for (kind, counts) in self.coherence.iter() {
             let CoherenceCounts { guided, predicted_missed, pierced, false_coherence, coherent, wrong } =

@@ -27,7 +27,7 @@ const DENSITY: f64 = 6.0;
 /// An axis along which the grid is thinner than this share of its longest is not divided.
 const FLAT: f64 = 1.0 / (1 << 20) as f64;
 
-/// Cells along an axis, at most: the cube has 2^24 cells at 256.
+/// Cells along an axis, at most.
 const MAX_CELLS_OF_AXIS: f64 = 1024.0;
 
 /// Cells, at most.
@@ -232,7 +232,7 @@ fn n_cells(ranges: &[Range<usize>; 3]) -> u64 {
 /// Found by a division and put right by the planes themselves, so that a coordinate and a plane are never compared in
 /// two ways.
 #[inline(always)]
-fn locate(planes: &[f64], x: f64) -> usize {
+pub(super) fn locate(planes: &[f64], x: f64) -> usize {
     let n = planes.len() - 1;
     let share = (x - planes[0]) / (planes[n] - planes[0]);
     #[expect(

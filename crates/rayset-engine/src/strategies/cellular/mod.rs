@@ -11,6 +11,8 @@
 //! that no rounding loses a hit: see `docs/numerics.md`.
 
 mod grid;
+#[cfg(test)]
+mod tests;
 mod walk;
 
 use rayset_geometry::{ColumnRun, Probe};
