@@ -185,6 +185,24 @@ fn light_rays_are_blocked_where_brute_force_says() {
     assert!((2000..18_000).contains(&blocked), "{blocked}");
 }
 
+#[test]
+fn of_equally_near_hits_in_one_cell_the_least_id_counts_whatever_the_volume() {
+    let mut builder = SceneBuilder::new();
+    let material = builder.add_material(Material::default());
+    // Split by x: the volume with ids 2 and 3 comes first, and its columns are followed by those of ids 0 and 1.
+    builder.add_object("", material, [0.5, 0.5, 0.0, 0.0].map(|x| Sphere::new(dvec3(x, 0.0, 0.0), 1.0)));
+    builder.max_volume_primitives(Some(2));
+    let scene = builder.build().unwrap();
+    for backend in Backend::ALL {
+        let strategy = Cellular::on(&scene, *backend);
+        let mut tracer = strategy.begin_sweep(Recording::Off);
+        let hit = nearest(tracer.as_mut(), Ray::new(dvec3(0.25, 0.0, -3.0), DVec3::Z), Span::FORWARD);
+        assert_eq!(hit.map(|hit| hit.primitive), Some(PrimitiveId(0)));
+        // A run of one object's primitives is tested at once all the same.
+        assert_eq!(scene.location(PrimitiveId(2)).index + 2, scene.location(PrimitiveId(0)).index);
+    }
+}
+
 /// Numbers from -1 to 1 that are the same every time.
 struct Dice(u64);
 
@@ -245,6 +263,45 @@ fn margin_is_needed_and_enough() {
     eprintln!("{hits} hits, {lost:?} lost without and with the margin");
     assert!(hits > 10_000 && lost[0] > 100, "{hits} hits, {lost:?} lost");
     assert_eq!(lost[1], 0);
+}
+
+#[test]
+fn scenes_of_any_size_and_place_agree_with_brute_force() {
+    let mut dice = Dice(1987);
+    let mut hits = 0;
+    for case in 0..120_i32 {
+        let scale = [1e-140, 1e-30, 1e-3, 1.0, 1e6, 1e50][usize::try_from(case % 6).unwrap()];
+        let place = [0.0, 1.0, 1e4][usize::try_from(case / 6 % 3).unwrap()] * DVec3::new(1.0, -1.0, 0.5);
+        let flat = if case % 4 == 0 { dvec3(1.0, 1.0, 0.0) } else { DVec3::ONE };
+        let mut primitives: Vec<Primitive> = Vec::new();
+        for i in 0..40 {
+            let mut point = || scale * (place + flat * dice.vector());
+            let (a, b, c) = (point(), point(), point());
+            let size = 0.1 * scale * [1.0, 1e-3, 10.0][i % 3];
+            primitives.push(match (case, i % 5) {
+                (_, 0) => Triangle::new(a, a + 0.2 * (b - a), a + 0.2 * (c - a)).into(),
+                (_, 1) => Cone::new(a, 0.3 * size, a + 0.3 * (b - a), 0.0).unwrap().into(),
+                // The same once more: only the id tells them apart.
+                (_, 2) if i > 5 => primitives[i - 5].clone(),
+                _ => Sphere::new(a, size).into(),
+            });
+        }
+        let scene = scene_of(&primitives);
+        let strategy = Cellular::new(&scene);
+        let mut tracer = strategy.begin_sweep(Recording::Off);
+        for i in 0..150_usize {
+            let target = scene.objects()[i % 40].bounds.center;
+            let away = [0.3, 3.0, 500.0, 1e5][i % 4] * scale;
+            let mut direction = dice.vector();
+            direction[i % 3] *= f64::from(u8::from(i % 5 > 0));
+            let direction = unit(direction).unwrap();
+            let ray = Ray::new(target - away * direction, direction);
+            let expected = brute_force(&primitives, &ray, Span::FORWARD);
+            hits += usize::from(expected.is_some());
+            assert_eq!(nearest(tracer.as_mut(), ray, Span::FORWARD), expected, "{case}, {ray:?}");
+        }
+    }
+    assert!(hits > 10_000, "{hits}");
 }
 
 #[test]
@@ -317,12 +374,11 @@ fn no_primitive_is_tested_twice_even_when_ray_numbers_start_again() {
     let scene = scene_of(&[Sphere::new(DVec3::ZERO, 1.0).into(), Sphere::new(DVec3::splat(9.0), 1.0).into()]);
     let grid = Grid::of(&scene, CELL_MARGIN).unwrap();
     let mut mailboxes = Mailboxes::of(&grid);
-    mailboxes.ray = u32::MAX - 2;
-    for _ in 0..4 {
+    for ray in [0, u32::MAX, 7, u32::MAX - 1] {
+        mailboxes.ray = ray;
         mailboxes.next_ray();
-        assert!(mailboxes.is_new(0) && !mailboxes.is_new(0) && mailboxes.is_new(1));
+        assert!(mailboxes.is_new(0) && !mailboxes.is_new(0) && mailboxes.is_new(1), "{ray}");
     }
-    assert_eq!(mailboxes.ray, 2);
     // A ray through all cells of the diagonal that misses both.
     let strategy = Cellular::new(&scene);
     let mut tracer = strategy.begin_sweep(Recording::Off);

@@ -51,7 +51,7 @@ impl Grid {
     pub(super) fn enter(&self, ray: &Ray, span: Span) -> Entry<'_> {
         let (origin, direction) = (ray.origin().to_array(), ray.direction().to_array());
         let is_near = origin.iter().all(|x| x.abs() <= self.farthest);
-        if !is_near || !(span.start >= 0.0 && span.start < span.end) {
+        if !(is_near && span.start >= 0.0 && span.start < span.end) {
             return Entry::InDoubt;
         }
         let (mut start, mut end) = (span.start, span.end);
