@@ -121,7 +121,6 @@ mod journal_work {
         }
     }
 
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes by reference")]
     pub(super) fn serialize<S: Serializer>(work: &Work, serializer: S) -> Result<S::Ok, S::Error> {
         let counts = work.counts().enumerate().filter(|&(i, (_, count))| i < ALWAYS || count > 0);
         serializer.collect_map(counts.map(|(_, (name, count))| (key(name), count)))

@@ -15,9 +15,9 @@ mod grid;
 mod tests;
 mod walk;
 
-use rayset_geometry::{ColumnRun, Probe};
+use rayset_geometry::{ColumnRun, PrimitiveKind, Probe};
 use rayset_scene::Scene;
-use rayset_simd::{Backend, Kernel, Simd};
+use rayset_simd::{Backend, Kernel, Scalar, Simd};
 
 use self::grid::{CELL_MARGIN, Grid};
 use self::walk::{Entry, Walk};
@@ -159,6 +159,12 @@ impl Iterator for NewRuns<'_> {
     }
 }
 
+/// Whether a run has work for one lane only: one primitive, but for a polygon, whose edges fill the lanes.
+#[inline(always)]
+fn is_single(run: &ColumnRun) -> bool {
+    run.range.end - run.range.start == 1 && run.kind != PrimitiveKind::Polygon
+}
+
 impl CellularTracer<'_> {
     /// The runs to test in the cell that a walk has come to.
     #[inline(always)]
@@ -176,12 +182,18 @@ impl CellularTracer<'_> {
         let (scene, work) = (self.scene, &mut self.stats.work);
         let departure = departure(scene, originating);
         let mut nearest: Option<Hit> = None;
+        let single = Probe::new(Scalar, probe.ray(), probe.span(), scene.primitives().is_flat());
         self.mailboxes.next_ray();
         loop {
             work.cells_visited += 1;
             for run in Self::new_runs(self.grid, &walk, &mut self.mailboxes) {
                 work.primitive_tests += u64::from(run.range.end - run.range.start);
-                let Some(hit) = scene.primitives().nearest(probe, &run, departure) else { continue };
+                let hit = if is_single(&run) {
+                    scene.primitives().nearest(&single, &run, departure)
+                } else {
+                    scene.primitives().nearest(probe, &run, departure)
+                };
+                let Some(hit) = hit else { continue };
                 let primitive = scene.primitive_id(run.kind, hit.index);
                 let object = scene.volume_object(scene.location(primitive).volume);
                 let hit = Hit { t: hit.t, object, primitive };
@@ -204,11 +216,17 @@ impl CellularTracer<'_> {
     ) -> bool {
         let (scene, work) = (self.scene, &mut self.stats.work);
         let departure = departure(scene, Some(originating));
+        let single = Probe::new(Scalar, probe.ray(), probe.span(), scene.primitives().is_flat());
         self.mailboxes.next_ray();
         loop {
             work.cells_visited += 1;
             for run in Self::new_runs(self.grid, &walk, &mut self.mailboxes) {
-                if let Some(hit) = scene.primitives().any(probe, &run, departure) {
+                let hit = if is_single(&run) {
+                    scene.primitives().any(&single, &run, departure)
+                } else {
+                    scene.primitives().any(probe, &run, departure)
+                };
+                if let Some(hit) = hit {
                     work.primitive_tests += u64::from(hit.index + 1 - run.range.start);
                     return true;
                 }

@@ -1,14 +1,11 @@
 //! Grids and walks by hand, and against a loop over all primitives where rounding decides.
 
-#![expect(clippy::float_cmp, reason = "the values are exact, worked out by hand")]
-
 use rayset_geometry::glam::{DVec3, dvec3};
-use rayset_geometry::{Cone, Polygon, Primitive, Ray, Sides, Span, Sphere, Triangle, unit};
+use rayset_geometry::{Cone, Polygon, Primitive, Ray, Side, Sides, Span, Sphere, Triangle, unit};
 use rayset_scene::{LightId, Material, ObjectId, PrimitiveId, SceneBuilder};
 
 use super::*;
 use crate::{RaySetIndex, Slot};
-use rayset_geometry::Side;
 
 /// Each primitive an object of its own.
 fn scene_of(primitives: &[Primitive]) -> Scene {
