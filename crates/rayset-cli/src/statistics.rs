@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use rayset::engine::{Frame, RayKind, Work};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use sha2::{Digest, Sha256};
 
 use crate::audit::Audit;
@@ -51,15 +51,9 @@ struct RayStatistics {
     coherent: u64,
 }
 
-#[derive(Debug, Serialize)]
-pub(crate) struct WorkCounts {
-    partitions: u64,
-    volumes_classified: u64,
-    primitive_tests: u64,
-    pierce_checks: u64,
-    cylinders_built: u64,
-    radius_comparisons: u64,
-}
+/// [`Work`] as an object with a key for each count.
+#[derive(Debug)]
+pub(crate) struct WorkCounts(Work);
 
 impl Rays {
     pub(crate) fn of(frame: &Frame) -> Self {
@@ -79,22 +73,13 @@ impl Rays {
 
 impl From<Work> for WorkCounts {
     fn from(work: Work) -> Self {
-        let Work {
-            partitions,
-            volumes_classified,
-            primitive_tests,
-            pierce_checks,
-            cylinders_built,
-            radius_comparisons,
-        } = work;
-        Self {
-            partitions,
-            volumes_classified,
-            primitive_tests,
-            pierce_checks,
-            cylinders_built,
-            radius_comparisons,
-        }
+        Self(work)
+    }
+}
+
+impl Serialize for WorkCounts {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.counts())
     }
 }
 

@@ -8,8 +8,8 @@ use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 use crate::departure::Allowed;
 use crate::probe::map3;
 use crate::{
-    Cone, Departure, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone, polygon, sphere,
-    triangle,
+    BoundingBox, Cone, Departure, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone,
+    polygon, sphere, triangle,
 };
 
 /// Primitives of all kinds, a structure of arrays for each kind.
@@ -141,6 +141,28 @@ impl PrimitiveColumns {
                 let at = |k: usize| DVec3::new(self.cones[k][i], self.cones[k + 1][i], self.cones[k + 2][i]);
                 Cone::outward(at(0), at(3), self.cones[8][i], point)
             }
+        }
+    }
+
+    /// A box that holds every hit of a primitive, up to the rounding of coordinates; in world space.
+    ///
+    /// It is that of [`Primitive::bounding_box`], and for a cone wider by the thickness of its surface.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    #[must_use]
+    pub fn bounding_box(&self, kind: PrimitiveKind, index: u32) -> BoundingBox {
+        let i = index as usize;
+        match kind {
+            PrimitiveKind::Sphere => Primitive::from(self.sphere(i)).bounding_box(),
+            PrimitiveKind::Triangle => Primitive::from(self.triangle(index)).bounding_box(),
+            PrimitiveKind::Polygon => {
+                let [x, y, z] = &self.polygon_vertices;
+                let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize;
+                vertices.map(|v| DVec3::new(x[v], y[v], z[v])).collect()
+            }
+            PrimitiveKind::Cone => Cone::bounding_box_of(&self.cones.each_ref().map(|column| column[i])),
         }
     }
 

@@ -151,9 +151,11 @@ impl Cost {
     /// The cost of a frame.
     #[must_use]
     pub fn of(&self, counts: &Counts) -> f64 {
-        float(counts.tests)
-            + self.k * (float(counts.volumes) + self.lambda_over_k * float(counts.comparisons))
-            + self.pierce * float(counts.pierce_checks)
+        let work = &counts.work;
+        float(work.primitive_tests)
+            + self.k
+                * (float(work.volumes_classified) + self.lambda_over_k * float(work.radius_comparisons))
+            + self.pierce * float(work.pierce_checks)
             + self.alpha * float(counts.rays())
     }
 
@@ -193,6 +195,8 @@ impl fmt::Display for Cost {
 
 #[cfg(test)]
 mod tests {
+    use rayset_engine::Work;
+
     use super::*;
 
     fn counts() -> Counts {
@@ -201,10 +205,13 @@ mod tests {
             hit: [6, 2, 2, 4],
             guided: [5, 1, 1, 2],
             coherent: [4, 1, 0, 2],
-            volumes: 100,
-            tests: 30,
-            pierce_checks: 5,
-            comparisons: 40,
+            work: Work {
+                volumes_classified: 100,
+                primitive_tests: 30,
+                pierce_checks: 5,
+                radius_comparisons: 40,
+                ..Work::default()
+            },
             ..Counts::default()
         }
     }

@@ -1,11 +1,13 @@
 //! The intersection strategies.
 
+mod cellular;
 mod coherent;
 mod kind;
 mod partition;
 mod speer_1985;
 mod standard;
 
+pub use cellular::Cellular;
 pub use coherent::Coherent;
 #[cfg(feature = "mutations")]
 pub use coherent::Condition;

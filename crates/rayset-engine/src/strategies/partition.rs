@@ -92,6 +92,20 @@ impl Partition {
         }
         nearest
     }
+
+    /// Partitions, and says whether any primitive of the volumes in I is hit.
+    #[inline(always)]
+    pub(super) fn any<S: Simd>(
+        &mut self,
+        simd: S,
+        scene: &Scene,
+        probe: &Probe<S>,
+        departure: Option<Departure>,
+        work: &mut Work,
+    ) -> bool {
+        self.of::<S, false>(simd, scene, probe, work);
+        self.intersected.iter().any(|&volume| any_in(scene, probe, volume, departure, work))
+    }
 }
 
 /// The volume in a lane; volumes are numbered in 32 bits.

@@ -6,7 +6,7 @@ use rayset_geometry::Probe;
 use rayset_scene::Scene;
 use rayset_simd::{Backend, Simd};
 
-use super::partition::{Partition, any_in, departure};
+use super::partition::{Partition, departure};
 use crate::strategy::LaneTracer;
 use crate::{Hit, IntersectionStrategy, RayQuery, Recording, ShadowQuery, Stats, Tracer};
 
@@ -77,8 +77,7 @@ impl LaneTracer for StandardTracer<'_> {
         let (scene, work) = (self.scene, &mut self.stats.work);
         let probe = Probe::new(simd, &query.ray, query.span, scene.primitives().is_flat());
         let departure = departure(scene, Some(query.originating));
-        self.partition.of::<S, false>(simd, scene, &probe, work);
-        self.partition.intersected.iter().any(|&volume| any_in(scene, &probe, volume, departure, work))
+        self.partition.any(simd, scene, &probe, departure, work)
     }
 
     fn lane_stats(&self) -> &Stats {

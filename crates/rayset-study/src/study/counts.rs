@@ -23,18 +23,9 @@ pub struct Counts {
     pub intercepted: Kinds,
     /// Coherent rays.
     pub coherent: Kinds,
-    /// Partitions.
-    pub partitions: u64,
-    /// Volumes classified.
-    pub volumes: u64,
-    /// Primitives tested.
-    pub tests: u64,
-    /// Pierce checks.
-    pub pierce_checks: u64,
-    /// Cylinders or certificates built.
-    pub cylinders: u64,
-    /// Members of N looked at.
-    pub comparisons: u64,
+    /// The work.
+    #[serde(flatten, with = "journal_work")]
+    pub work: Work,
 }
 
 /// A distribution of radii or lengths, in units of the scene's extent.
@@ -56,14 +47,6 @@ impl Counts {
     /// Of frames whose rays and stats were added up.
     #[must_use]
     pub fn of(rays: &RayCounts, stats: &Stats) -> Self {
-        let Work {
-            partitions,
-            volumes_classified,
-            primitive_tests,
-            pierce_checks,
-            cylinders_built,
-            radius_comparisons,
-        } = stats.work;
         let coherence = &stats.coherence;
         Self {
             cast: kinds(rays, |tally| tally.cast),
@@ -73,19 +56,14 @@ impl Counts {
             pierced: kinds(coherence, |counts| counts.pierced),
             intercepted: kinds(coherence, |counts| counts.false_coherence),
             coherent: kinds(coherence, |counts| counts.coherent),
-            partitions,
-            volumes: volumes_classified,
-            tests: primitive_tests,
-            pierce_checks,
-            cylinders: cylinders_built,
-            comparisons: radius_comparisons,
+            work: stats.work,
         }
     }
 
     /// [`Work::in_tests`].
     #[must_use]
     pub fn in_tests(&self) -> u64 {
-        self.tests + self.volumes + 2 * self.pierce_checks + self.comparisons
+        self.work.in_tests()
     }
 
     /// Rays cast, of all kinds.
@@ -120,6 +98,44 @@ fn kinds<T>(by_kind: &ByKind<T>, count: impl Fn(&T) -> u64) -> Kinds {
     RayKind::ALL.map(|kind| count(&by_kind[kind]))
 }
 
+/// Work as the journal has it: a key for each count, some with shorter names than [`Work::counts`] gives them.
+///
+/// A count that a journal lacks is zero. Only a count that every journal has is written where it is zero: so journals
+/// from before a count was added still hold the same experiments.
+mod journal_work {
+    use std::collections::BTreeMap;
+
+    use rayset_engine::Work;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    /// Counts that are as old as the journal.
+    const ALWAYS: usize = 6;
+
+    fn key(name: &str) -> &str {
+        match name {
+            "volumes_classified" => "volumes",
+            "primitive_tests" => "tests",
+            "cylinders_built" => "cylinders",
+            "radius_comparisons" => "comparisons",
+            name => name,
+        }
+    }
+
+    pub(super) fn serialize<S: Serializer>(work: &Work, serializer: S) -> Result<S::Ok, S::Error> {
+        let counts = work.counts().enumerate().filter(|&(i, (_, count))| i < ALWAYS || count > 0);
+        serializer.collect_map(counts.map(|(_, (name, count))| (key(name), count)))
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Work, D::Error> {
+        let counts = BTreeMap::<String, u64>::deserialize(deserializer)?;
+        let mut work = Work::default();
+        for (name, count) in work.counts_mut() {
+            *count = counts.get(key(name)).copied().unwrap_or(0);
+        }
+        Ok(work)
+    }
+}
+
 /// A part of a whole; NaN of nothing.
 #[must_use]
 pub(crate) fn ratio(part: u64, whole: u64) -> f64 {
@@ -129,4 +145,34 @@ pub(crate) fn ratio(part: u64, whole: u64) -> f64 {
 #[expect(clippy::cast_precision_loss, reason = "counts stay far below 2^53")]
 pub(crate) fn float(count: u64) -> f64 {
     count as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn journals_from_before_cells_were_counted_hold_the_same_counts() {
+        let work = Work {
+            partitions: 1,
+            volumes_classified: 2,
+            primitive_tests: 3,
+            pierce_checks: 4,
+            cylinders_built: 5,
+            radius_comparisons: 0,
+            cells_visited: 0,
+        };
+        let counts = Counts { cast: [1, 2, 3, 4], work, ..Counts::default() };
+        let kinds = r#""hit":[0,0,0,0],"guided":[0,0,0,0],"missed":[0,0,0,0],"pierced":[0,0,0,0]"#;
+        let line = format!(
+            r#"{{"cast":[1,2,3,4],{kinds},"intercepted":[0,0,0,0],"coherent":[0,0,0,0],{}}}"#,
+            r#""partitions":1,"volumes":2,"tests":3,"pierce_checks":4,"cylinders":5,"comparisons":0"#
+        );
+        assert_eq!(serde_json::to_string(&counts).unwrap(), line);
+        assert_eq!(serde_json::from_str::<Counts>(&line).unwrap(), counts);
+        let cells = Counts { work: Work { cells_visited: 6, ..work }, ..counts };
+        let text = serde_json::to_string(&cells).unwrap();
+        assert!(text.ends_with(r#""comparisons":0,"cells_visited":6}"#), "{text}");
+        assert_eq!(serde_json::from_str::<Counts>(&text).unwrap(), cells);
+    }
 }

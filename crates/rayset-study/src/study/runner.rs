@@ -14,6 +14,7 @@ use serde::de::DeserializeOwned;
 
 use super::counts::Counts;
 use super::journal::{Journal, Key};
+use super::timed::OTHERS;
 use crate::{StudyError, sphere_scene};
 
 /// An experiment: its parameters decide its counts.
@@ -87,6 +88,15 @@ pub(super) fn version_of_1985() -> &'static str {
 pub(super) fn version_of_all() -> &'static str {
     static VERSION: OnceLock<String> = OnceLock::new();
     VERSION.get_or_init(|| version_with(&[StrategyKind::Coherent]))
+}
+
+/// The same with the other methods too.
+pub(super) fn version_with_others() -> &'static str {
+    static VERSION: OnceLock<String> = OnceLock::new();
+    VERSION.get_or_init(|| {
+        let more: Vec<_> = [StrategyKind::Coherent].into_iter().chain(OTHERS).collect();
+        version_with(&more)
+    })
 }
 
 /// The same with some strategies.
@@ -179,5 +189,6 @@ mod tests {
     fn versions_are_the_same_each_time_and_differ_by_what_they_cover() {
         assert_eq!(version_with(&[]), version_of_1985());
         assert_ne!(version_of_1985(), version_of_all());
+        assert_ne!(version_of_all(), version_with_others());
     }
 }

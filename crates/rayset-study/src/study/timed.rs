@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::counts::{Counts, Distribution, float};
 use super::interval::Median;
-use super::runner::{Experiment, version_of_all};
+use super::runner::{Experiment, version_of_all, version_with_others};
 use super::table1_explained::size;
 use crate::{Reading, StudyError};
 
@@ -29,12 +29,22 @@ pub(super) struct Cell {
     pub(super) pixels: u32,
     /// How often each strategy renders it.
     pub(super) repetitions: usize,
+    /// Whether the methods of [`OTHERS`] render it too.
+    pub(super) others: bool,
 }
 
-/// The strategies of a cell, `standard` first.
+/// The strategies of a cell: `standard`, and those that use coherence.
 pub(super) const STRATEGIES: [&str; 4] = ["standard", "speer-1985", "speer-1985-misses", "coherent"];
 
-/// What the strategies took, in the order of [`STRATEGIES`].
+/// The paper's "other algorithmic methods".
+pub(super) const OTHERS: [StrategyKind; 1] = [StrategyKind::Cellular];
+
+/// The names of all of them, in the order in which [`Timed`] holds them.
+pub(super) fn names() -> impl Iterator<Item = &'static str> {
+    STRATEGIES.into_iter().chain(OTHERS.into_iter().map(StrategyKind::name))
+}
+
+/// What the strategies took, in the order of [`STRATEGIES`] and then of [`OTHERS`], if they were asked.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Timed {
     pub(super) strategies: Vec<Measured>,
@@ -122,7 +132,7 @@ impl Experiment for Cell {
     type Record = Timed;
 
     fn parameters(&self) -> Vec<(&'static str, String)> {
-        vec![
+        let mut parameters = vec![
             ("n", self.spheres.to_string()),
             ("size", self.size.to_owned()),
             ("reflectance", self.reflectance.to_owned()),
@@ -131,11 +141,15 @@ impl Experiment for Cell {
             ("order", if self.tiles { "tiles-8" } else { "scanline" }.to_owned()),
             ("pixels", self.pixels.to_string()),
             ("repetitions", self.repetitions.to_string()),
-        ]
+        ];
+        if self.others {
+            parameters.push(("others", OTHERS.map(StrategyKind::name).join(" ")));
+        }
+        parameters
     }
 
     fn version(&self) -> &'static str {
-        version_of_all()
+        if self.others { version_with_others() } else { version_of_all() }
     }
 
     fn run(&self) -> Result<Timed, StudyError> {
@@ -148,15 +162,18 @@ impl Experiment for Cell {
         };
         let scene = spheres.scene()?;
         let bound = |reading: Reading| Box::new(Speer1985::on(&scene, Backend::Scalar, reading.options));
-        let strategies: [Box<dyn IntersectionStrategy + '_>; 4] = [
+        let mut strategies: Vec<Box<dyn IntersectionStrategy + '_>> = vec![
             StrategyKind::Standard.bind_on(&scene, Backend::Scalar),
             bound(Reading::literal()),
             bound(Reading::with_misses()),
             StrategyKind::Coherent.bind_on(&scene, Backend::Scalar),
         ];
-        let mut rays = [RayCounts::default(); 4];
-        let mut stats = [(); 4].map(|()| Stats::default());
-        let mut seconds = vec![[0.0; 4]; self.repetitions];
+        if self.others {
+            strategies.extend(OTHERS.map(|kind| kind.bind_on(&scene, Backend::Scalar)));
+        }
+        let mut rays = vec![RayCounts::default(); strategies.len()];
+        let mut stats = vec![Stats::default(); strategies.len()];
+        let mut seconds = vec![vec![0.0; strategies.len()]; self.repetitions];
         for crop in self.strips() {
             let options = RenderOptions {
                 width: self.resolution,
@@ -202,6 +219,7 @@ mod tests {
         tiles: false,
         pixels: 1024,
         repetitions: 2,
+        others: false,
     };
 
     #[test]
@@ -229,5 +247,15 @@ mod tests {
         assert_eq!(timed.strategies.len(), STRATEGIES.len());
         assert!(timed.strategies.iter().all(|s| s.counts.cast[0] == 1024 && s.seconds.len() == 2));
         assert!(timed.ratio_of_work(3) < 1.0 && timed.ratio_of_time(1) > 0.0 && timed.seconds(0) > 0.0);
+    }
+
+    #[test]
+    fn other_methods_are_measured_beside_and_make_another_experiment() {
+        let cell = Cell { others: true, ..CELL };
+        assert_ne!(cell.key(), CELL.key());
+        let timed = cell.run().unwrap();
+        assert_eq!(timed.strategies.len(), STRATEGIES.len() + OTHERS.len());
+        let cellular = &timed.strategies[4].counts;
+        assert!(cellular.work.cells_visited > 0 && cellular.cast == timed.strategies[0].counts.cast);
     }
 }

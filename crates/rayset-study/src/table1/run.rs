@@ -253,7 +253,7 @@ impl Match {
             seconds: mean(&gathered.seconds),
             seconds_frame: mean(&gathered.seconds_frame),
             work: all.in_tests(),
-            partitions: all.partitions,
+            partitions: all.work.partitions,
             percent_coherent: self.counting.percent(&all, reading).unwrap_or_default(),
             percent_coherent_spread: Spread::of(&percents),
             ratio_time: ratio_time_spread.median,

@@ -34,6 +34,7 @@ fn cells(scale: Scale) -> (Vec<Cell>, Vec<Cell>) {
                     // Enough for a steady time.
                     pixels: if spheres < 64 { 65_536 } else { 32_768 },
                     repetitions: 9,
+                    others: false,
                 })
             })
             .collect()

@@ -75,11 +75,11 @@ fn features(counts: &Counts) -> Vec<f64> {
         initial,
         reflected + refracted,
         shadow,
-        counts.volumes,
-        counts.tests,
-        counts.pierce_checks,
-        counts.comparisons,
-        counts.cylinders,
+        counts.work.volumes_classified,
+        counts.work.primitive_tests,
+        counts.work.pierce_checks,
+        counts.work.radius_comparisons,
+        counts.work.cylinders_built,
     ]
     .map(float)
     .to_vec()

@@ -83,13 +83,13 @@ fn terms(sheet: &Sheet, journal: &Journal<Timed>) -> String {
         let line = format!(
             "| {n} | {:.2} | {:.2} | {:.2} | {:.2} | {:.2} | at least {:.0} % |",
             of(&|standard, _| ratio(standard.rays(), standard.cast[0])),
-            of(&|standard, _| ratio(standard.tests, standard.rays())),
-            of(&|_, speer| ratio(speer.comparisons, speer.cylinders) / f64::from(n)),
-            of(&|standard, speer| ratio(speer.comparisons, standard.in_tests())),
-            of(&|standard, speer| ratio(2 * speer.pierce_checks, standard.in_tests())),
+            of(&|standard, _| ratio(standard.work.primitive_tests, standard.rays())),
+            of(&|_, speer| ratio(speer.work.radius_comparisons, speer.work.cylinders_built) / f64::from(n)),
+            of(&|standard, speer| ratio(speer.work.radius_comparisons, standard.in_tests())),
+            of(&|standard, speer| ratio(2 * speer.work.pierce_checks, standard.in_tests())),
             // Each of those that serve, serves one ray at least.
             of(&|_, speer| {
-                let served = float(speer.coherent.iter().sum()) / float(speer.cylinders);
+                let served = float(speer.coherent.iter().sum()) / float(speer.work.cylinders_built);
                 100.0 * (1.0 - served).max(0.0)
             }),
         );

@@ -75,7 +75,17 @@ impl Sheet {
             _ => 4096,
         };
         let Self { size, tiles, .. } = *self;
-        Cell { spheres, size, reflectance: "0.3", seed, resolution, tiles, pixels, repetitions: 3 }
+        Cell {
+            spheres,
+            size,
+            reflectance: "0.3",
+            seed,
+            resolution,
+            tiles,
+            pixels,
+            repetitions: 3,
+            others: true,
+        }
     }
 
     fn cells(&self) -> impl Iterator<Item = Cell> {

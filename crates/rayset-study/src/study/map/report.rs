@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use rayset_engine::StrategyKind;
+
 use super::Sheet;
 use super::claims;
 use super::crossing::Wins;
@@ -9,7 +11,7 @@ use crate::PAPER;
 use crate::study::counts::{Distribution, Kinds, ratio};
 use crate::study::interval::Median;
 use crate::study::journal::Journal;
-use crate::study::timed::{STRATEGIES, Timed};
+use crate::study::timed::{STRATEGIES, Timed, names};
 
 /// What is shown of a cell.
 type Figure = (&'static str, fn(&Timed, usize) -> f64);
@@ -34,10 +36,12 @@ pub(super) fn markdown(sheets: &[Sheet], journal: &Journal<Timed>) -> String {
         if finished == 0 {
             continue;
         }
-        for (strategy, name) in STRATEGIES.iter().enumerate().skip(1) {
+        for (strategy, name) in names().enumerate().skip(1) {
             text += &format!("\n<details><summary>Tables of {name}</summary>\n");
-            for figure in [COHERENCE, WORK, TIME] {
-                text += &table(sheet, journal, strategy, figure);
+            let is_coherent = strategy < STRATEGIES.len();
+            let figures = [COHERENCE, WORK, TIME].into_iter().skip(usize::from(!is_coherent));
+            for figure in figures {
+                text += &table(sheet, journal, strategy, name, figure);
             }
             text += "\n</details>\n";
         }
@@ -51,8 +55,14 @@ pub(super) fn markdown(sheets: &[Sheet], journal: &Journal<Timed>) -> String {
 }
 
 /// A figure over the plane.
-fn table(sheet: &Sheet, journal: &Journal<Timed>, strategy: usize, (name, figure): Figure) -> String {
-    let mut text = format!("\n`{}`, {name}:\n\n| n |", STRATEGIES[strategy]);
+fn table(
+    sheet: &Sheet,
+    journal: &Journal<Timed>,
+    strategy: usize,
+    strategy_name: &str,
+    (name, figure): Figure,
+) -> String {
+    let mut text = format!("\n`{strategy_name}`, {name}:\n\n| n |");
     for side in &sheet.resolutions {
         text += &format!(" {side} |");
     }
@@ -91,7 +101,7 @@ fn crossings(sheet: &Sheet, journal: &Journal<Timed>) -> String {
     let mut text = String::from(
         "\nWhere the ratio is below 1: from n, to n, interpolated seed by seed; medians with intervals over seeds.\n\n| strategy | of | resolution | from | to | seeds that never win |\n|---|---|---:|---|---|---:|\n",
     );
-    for (strategy, strategy_name) in STRATEGIES.iter().enumerate().skip(1) {
+    for (strategy, strategy_name) in names().enumerate().skip(1) {
         for (name, figure) in [("work", WORK.1), ("time", TIME.1)] {
             for &side in &sheet.resolutions {
                 let curves: Vec<Vec<(f64, f64)>> = (1..=sheet.seeds)

@@ -8,7 +8,7 @@ use crate::StudyError;
 use crate::study::interval::Median;
 use crate::study::journal::Journal;
 use crate::study::runner::Experiment;
-use crate::study::timed::{STRATEGIES, Timed, shared};
+use crate::study::timed::{Timed, names, shared};
 use crate::study::{Scale, StudyName};
 
 /// A sheet of the map: medians over seeds.
@@ -81,7 +81,7 @@ fn plane(sheet: &Sheet, journal: &Journal<Timed>) -> Plane {
         seeds: sheet.seeds,
         n_experiments: (sheet.cells().count(), finished),
         version: sheet.cells().next().map_or_else(String::new, |cell| cell.version().to_owned()),
-        strategies: STRATEGIES.iter().enumerate().skip(1).map(|(i, name)| (*name, figures(i))).collect(),
+        strategies: names().enumerate().skip(1).map(|(i, name)| (name, figures(i))).collect(),
     }
 }
 

@@ -94,6 +94,8 @@ fn growth(tried: &Tried, cost: &Cost) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
+    use rayset_engine::Work;
+
     use super::*;
     use crate::Counts;
 
@@ -102,10 +104,11 @@ mod tests {
         let rows = PAPER.map(|row| {
             let thousandth =
                 |value: f64| serde_json::from_str::<u64>(&format!("{:.0}", value * 1000.0)).unwrap();
-            let standard = Counts { cast: [100_000, 0, 0, 0], tests: 1_000_000, ..Counts::default() };
+            let of = |primitive_tests| Work { primitive_tests, ..Work::default() };
+            let standard = Counts { cast: [100_000, 0, 0, 0], work: of(1_000_000), ..Counts::default() };
             let coherent = [thousandth(row.percent_coherent), 0, 0, 0];
             let speer =
-                Counts { coherent, tests: 1000 * thousandth(row.ratio_recomputed), ..standard.clone() };
+                Counts { coherent, work: of(1000 * thousandth(row.ratio_recomputed)), ..standard.clone() };
             vec![Pair { standard, speer, wrong_pixels: 1, pixels: 100 }]
         });
         Tried { setting: Setting::default(), rows }
