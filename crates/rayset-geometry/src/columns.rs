@@ -237,9 +237,7 @@ impl PrimitiveColumns {
     #[inline(always)]
     fn intersect_polygon<S: Simd>(&self, probe: &Probe<S>, i: usize) -> Option<(Side, f64)> {
         let (start, next) = (self.polygon_starts[i] as usize, self.polygon_starts[i + 1] as usize);
-        let [x, y, z] = &self.polygon_vertices;
-        let load = |i: usize| map3([x, y, z], |column| probe.simd.load_f64(&column[start + i..]));
-        polygon::intersect(probe, load, next - start - 1)
+        polygon::intersect(probe, &VertexColumns { columns: &self.polygon_vertices, start }, next - start - 1)
     }
 }
 
@@ -275,12 +273,30 @@ impl<S: Simd> LaneTest<S> for TriangleTest<'_> {
     }
 }
 
+/// The vertices of a polygon.
+struct VertexColumns<'a> {
+    columns: &'a [Vec<f64>; 3],
+    start: usize,
+}
+
+impl<S: Simd> polygon::Vertices<S> for VertexColumns<'_> {
+    #[inline(always)]
+    fn load(&self, simd: S, i: usize) -> [S::F64; 3] {
+        let ([x, y, z], i) = (self.columns, self.start + i);
+        [simd.load_f64(&x[i..]), simd.load_f64(&y[i..]), simd.load_f64(&z[i..])]
+    }
+}
+
 struct ConeTest<'a>(&'a [Vec<f64>; cone::PARAMETERS]);
 
 impl<S: Simd> LaneTest<S> for ConeTest<'_> {
     #[inline(always)]
     fn test(&self, probe: &Probe<S>, i: usize, allowed: Allowed<S>) -> (<S::F64 as Lanes>::Mask, S::F64) {
-        cone::intersect(probe, self.0.each_ref().map(|column| probe.simd.load_f64(&column[i..])), allowed)
+        let mut parameters = [probe.simd.splat_f64(0.0); cone::PARAMETERS];
+        for (parameter, column) in parameters.iter_mut().zip(self.0) {
+            *parameter = probe.simd.load_f64(&column[i..]);
+        }
+        cone::intersect(probe, parameters, allowed)
     }
 }
 

@@ -58,9 +58,7 @@ impl Primitive {
             }
             Self::Cone(c) => cone::intersect(&probe, c.parameters(), allowed),
             Self::Polygon(p) => {
-                let vertices = p.vertices();
-                let load = |i: usize| vertices[i % vertices.len()].to_array();
-                let (side, t) = polygon::intersect(&probe, load, vertices.len())?;
+                let (side, t) = polygon::intersect(&probe, p, p.vertices().len())?;
                 (departure.is_none() && sides.include(side) && span.contains(t), t)
             }
         };

@@ -148,12 +148,15 @@ pub(crate) fn intersect<S: Simd>(
     }
     let mut t_lanes = [0.0; MAX_LANES];
     t.store(&mut t_lanes);
+    let mut stored = [[0.0; MAX_LANES]; 9];
+    for (stored, value) in stored.iter_mut().zip([ax, ay, a_depth, bx, by, b_depth, cx, cy, c_depth]) {
+        value.store(stored);
+    }
     for (lane, t) in t_lanes.iter_mut().enumerate().take(S::F64::LANES) {
         if unsteady.bits() >> lane & 1 == 1 {
-            let vertices = [[ax, ay, a_depth], [bx, by, b_depth], [cx, cy, c_depth]];
+            let vertex = |k: usize| std::array::from_fn(|axis| stored[3 * k + axis][lane]);
             // NaN lies in no span.
-            let depth =
-                Crossings::depth_in_triangle(vertices.map(|vertex| vertex.map(|value| value.lane(lane))));
+            let depth = Crossings::depth_in_triangle([vertex(0), vertex(1), vertex(2)]);
             *t = depth.unwrap_or(f64::NAN);
         }
     }

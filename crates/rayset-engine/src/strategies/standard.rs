@@ -78,7 +78,13 @@ impl LaneTracer for StandardTracer<'_> {
         let probe = Probe::new(simd, &query.ray, query.span, scene.primitives().is_flat());
         let departure = departure(scene, Some(query.originating));
         self.partition.of::<S, false>(simd, scene, &probe, work);
-        self.partition.intersected.iter().any(|&volume| any_in(scene, &probe, volume, departure, work))
+        // A loop and not `any`: the lanes of a closure are compiled without the backend's instructions.
+        for &volume in &self.partition.intersected {
+            if any_in(scene, &probe, volume, departure, work) {
+                return true;
+            }
+        }
+        false
     }
 
     fn lane_stats(&self) -> &Stats {
