@@ -8,8 +8,8 @@ use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 use crate::departure::Allowed;
 use crate::probe::map3;
 use crate::{
-    Cone, Departure, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone, polygon, sphere,
-    triangle,
+    BoundingBox, Cone, Departure, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone,
+    polygon, sphere, triangle,
 };
 
 /// Primitives of all kinds, a structure of arrays for each kind.
@@ -144,6 +144,28 @@ impl PrimitiveColumns {
         }
     }
 
+    /// A box that holds every hit of a primitive, up to the rounding of coordinates; in world space.
+    ///
+    /// It is that of [`Primitive::bounding_box`], and for a cone wider by the thickness of its surface.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    #[must_use]
+    pub fn bounding_box(&self, kind: PrimitiveKind, index: u32) -> BoundingBox {
+        let i = index as usize;
+        match kind {
+            PrimitiveKind::Sphere => Primitive::from(self.sphere(i)).bounding_box(),
+            PrimitiveKind::Triangle => Primitive::from(self.triangle(index)).bounding_box(),
+            PrimitiveKind::Polygon => {
+                let [x, y, z] = &self.polygon_vertices;
+                let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize;
+                vertices.map(|v| DVec3::new(x[v], y[v], z[v])).collect()
+            }
+            PrimitiveKind::Cone => Cone::bounding_box_of(&std::array::from_fn(|k| self.cones[k][i])),
+        }
+    }
+
     /// A triangle.
     ///
     /// # Panics
@@ -154,6 +176,33 @@ impl PrimitiveColumns {
         let i = index as usize;
         let vertex = |v: usize| DVec3::from_array(std::array::from_fn(|k| self.triangles[3 * v + k][i]));
         Triangle::new(vertex(0), vertex(1), vertex(2))
+    }
+
+    /// Appends a primitive of other columns; returns the run of it alone.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive, or as [`PrimitiveColumns::push`] does.
+    pub fn push_from(&mut self, other: &Self, kind: PrimitiveKind, index: u32, sides: Sides) -> ColumnRun {
+        let (i, new) = (index as usize, index_of(self.len(kind)));
+        match kind {
+            PrimitiveKind::Sphere => push_all(&mut self.spheres, std::array::from_fn(|k| other.spheres[k][i])),
+            PrimitiveKind::Triangle => {
+                push_all(&mut self.triangles, std::array::from_fn(|k| other.triangles[k][i]));
+            }
+            PrimitiveKind::Cone => push_all(&mut self.cones, std::array::from_fn(|k| other.cones[k][i])),
+            PrimitiveKind::Polygon => {
+                for v in other.polygon_starts[i] as usize..other.polygon_starts[i + 1] as usize {
+                    push_all(
+                        &mut self.polygon_vertices,
+                        std::array::from_fn(|k| other.polygon_vertices[k][v]),
+                    );
+                }
+                self.polygon_starts.push(index_of(self.polygon_vertices[0].len() - MAX_LANES));
+                self.polygon_normals.push(other.polygon_normals[i]);
+            }
+        }
+        ColumnRun { kind, sides, range: new..new + 1 }
     }
 
     fn sphere(&self, i: usize) -> Sphere {

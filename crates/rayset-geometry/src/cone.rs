@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayset_simd::{Lanes, Simd};
 
 use crate::departure::Allowed;
-use crate::{BoundingSphere, Probe, enclosing_sphere};
+use crate::{BoundingBox, BoundingSphere, Probe, enclosing_sphere};
 
 /// How far off the surface a hit may lie, relative to the radius of the bounding sphere: 2^-22 is the square root of
 /// 512 roundings. Near a pointed apex the rounding of the quadratic, at most 225 of them, displaces a hit by a square
@@ -108,6 +108,23 @@ impl Cone {
     #[must_use]
     pub fn bounding_sphere(&self) -> BoundingSphere {
         self.bounds
+    }
+
+    /// The box round the truncated solid cone of these [`parameters`](Self::parameters), wider by its thickness.
+    pub(crate) fn bounding_box_of(parameters: &[f64; PARAMETERS]) -> BoundingBox {
+        let [bx, by, bz, ax, ay, az, height, base_radius, slope, _, widest] = *parameters;
+        let (base, axis) = (DVec3::new(bx, by, bz), DVec3::new(ax, ay, az));
+        let apex_radius = (base_radius + slope * height).max(0.0);
+        let thickness = DVec3::splat(2.0 * (widest - base_radius.max(apex_radius)));
+        // A circle about an axis reaches r sqrt(1 - a_k^2) along axis k. Rounding takes up to 2^-24.9 r from a small
+        // root, which the thickness can spare.
+        let reach = (DVec3::ONE - axis * axis).max(DVec3::ZERO).map(f64::sqrt);
+        let ends = [(base, base_radius), (base + height * axis, apex_radius)];
+        let boxes = ends.map(|(center, radius)| BoundingBox {
+            min: center - radius * reach - thickness,
+            max: center + radius * reach + thickness,
+        });
+        boxes.into_iter().collect()
     }
 
     /// How far from the truncated solid cone a computed hit may lie, apart from the rounding of coordinates; in world
