@@ -6,7 +6,7 @@ use std::str::FromStr;
 use rayset_scene::Scene;
 use rayset_simd::Backend;
 
-use crate::{Coherent, IntersectionStrategy, Speer1985, Speer1985Options, Standard};
+use crate::{Coherent, Hierarchical, IntersectionStrategy, Speer1985, Speer1985Options, Standard};
 
 /// A strategy, not yet bound to a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -18,6 +18,8 @@ pub enum StrategyKind {
     Speer1985,
     /// [`Coherent`].
     Coherent,
+    /// [`Hierarchical`].
+    Hierarchical,
 }
 
 /// The text is not the name of a strategy.
@@ -28,7 +30,7 @@ pub struct UnknownStrategy {
 
 impl StrategyKind {
     /// Every strategy.
-    pub const ALL: &[Self] = &[Self::Standard, Self::Speer1985, Self::Coherent];
+    pub const ALL: &[Self] = &[Self::Standard, Self::Speer1985, Self::Coherent, Self::Hierarchical];
 
     /// The name by which options and reports know it.
     #[must_use]
@@ -37,6 +39,7 @@ impl StrategyKind {
             Self::Standard => "standard",
             Self::Speer1985 => "speer-1985",
             Self::Coherent => "coherent",
+            Self::Hierarchical => "hierarchical",
         }
     }
 
@@ -44,7 +47,7 @@ impl StrategyKind {
     #[must_use]
     pub fn is_exact(self) -> bool {
         match self {
-            Self::Standard | Self::Coherent => true,
+            Self::Standard | Self::Coherent | Self::Hierarchical => true,
             Self::Speer1985 => false,
         }
     }
@@ -61,6 +64,7 @@ impl StrategyKind {
         match self {
             Self::Standard => Box::new(Standard::on(scene, backend)),
             Self::Coherent => Box::new(Coherent::on(scene, backend)),
+            Self::Hierarchical => Box::new(Hierarchical::on(scene, backend)),
             Self::Speer1985 => Box::new(Speer1985::on(scene, backend, Speer1985Options::default())),
         }
     }
@@ -108,6 +112,6 @@ mod tests {
             assert_eq!((bound.name(), bound.is_exact()), (kind.name(), kind.is_exact()));
         }
         let error = "octree".parse::<StrategyKind>().unwrap_err();
-        assert_eq!(error.to_string(), "`octree` is no strategy; there are standard, speer-1985, coherent");
+        assert_eq!(error.to_string(), "`octree` is no strategy; there are standard, speer-1985, coherent, hierarchical");
     }
 }

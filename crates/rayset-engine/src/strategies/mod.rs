@@ -1,6 +1,7 @@
 //! The intersection strategies.
 
 mod coherent;
+mod hierarchical;
 mod kind;
 mod partition;
 mod speer_1985;
@@ -9,6 +10,7 @@ mod standard;
 pub use coherent::Coherent;
 #[cfg(feature = "mutations")]
 pub use coherent::Condition;
+pub use hierarchical::Hierarchical;
 pub use kind::{StrategyKind, UnknownStrategy};
 pub use speer_1985::{
     BlockerRule, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,
