@@ -1,13 +1,14 @@
 //! The hierarchy and what it answers.
 
-use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span};
+use rayon::prelude::*;
+use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, Ray, Side, Sides, Span};
 use rayset_simd::{Backend, Kernel, Lanes, Simd};
 
 use crate::build::{Reference, build};
 use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::CullRay;
-use crate::shapes::{Hit, Shapes};
+use crate::shapes::{Hit, Nearest, Prepared, Shapes};
 use crate::traverse::{Stack, Steps, Visitor, traverse};
 
 /// A bounding volume hierarchy over primitives of any shape.
@@ -15,15 +16,14 @@ use crate::traverse::{Stack, Steps, Visitor, traverse};
 pub struct Hierarchy {
     backend: Backend,
     frame: Frame,
-    tree: Width,
-    shapes: Shapes,
+    width: Width,
 }
 
-/// A tree as wide as the lanes that traverse it.
+/// As wide as the lanes that traverse it.
 #[derive(Clone, Debug)]
 enum Width {
-    Eight(Tree<8>),
-    Sixteen(Tree<16>),
+    Eight(Wide<8>),
+    Sixteen(Wide<16>),
 }
 
 /// What a caller keeps between rays, so that tracing one allocates nothing.
@@ -66,23 +66,18 @@ impl Hierarchy {
         backend: Backend,
     ) -> Self {
         assert!(items.len() < 1 << 31, "fewer than 2^31 primitives");
-        let boxes: Vec<BoundingBox> =
-            items.iter().map(|&(kind, index, _)| columns.bounding_box(kind, index)).collect();
-        let frame = Frame::of(&boxes.iter().copied().collect());
-        let mut references: Vec<Reference> = (0..)
-            .zip(&boxes)
-            .map(|(primitive, bounds)| Reference { bounds: frame.cull_box(bounds), primitive })
-            .collect();
-        let is_wide = backend == Backend::Avx512 && backend.is_available();
-        let (tree, leaves) = if is_wide {
-            let (tree, leaves) = build::<16>(&mut references, LEAF_LEN);
-            (Width::Sixteen(tree), leaves)
+        let bounds = items
+            .par_iter()
+            .with_min_len(1024)
+            .map(|&(kind, index, _)| columns.bounding_box(kind, index))
+            .reduce(|| BoundingBox::EMPTY, BoundingBox::union);
+        let frame = Frame::of(&bounds);
+        let width = if backend == Backend::Avx512 && backend.is_available() {
+            Width::Sixteen(Wide::new(&frame, columns, items))
         } else {
-            let (tree, leaves) = build::<8>(&mut references, LEAF_LEN);
-            (Width::Eight(tree), leaves)
+            Width::Eight(Wide::new(&frame, columns, items))
         };
-        let shapes = Shapes::arrange(columns, items, |i| references[i].primitive, &leaves);
-        Self { backend, frame, tree, shapes }
+        Self { backend, frame, width }
     }
 
     /// The lanes it was built for.
@@ -94,9 +89,9 @@ impl Hierarchy {
     /// What [`Hierarchy::nearest_on`] and [`Hierarchy::occluded_on`] need to keep between rays.
     #[must_use]
     pub fn scratch(&self) -> Scratch {
-        let stack = match &self.tree {
-            Width::Eight(tree) => Stack::of(tree),
-            Width::Sixteen(tree) => Stack::of(tree),
+        let stack = match &self.width {
+            Width::Eight(wide) => Stack::of(&wide.tree),
+            Width::Sixteen(wide) => Stack::of(&wide.tree),
         };
         Scratch { stack, steps: Steps::default(), primitive_tests: 0 }
     }
@@ -115,6 +110,10 @@ impl Hierarchy {
 
     /// The least hit, within a kernel that runs on the lanes the hierarchy was built for; `from` is the primitive that
     /// the ray leaves, and into which side.
+    ///
+    /// # Panics
+    ///
+    /// If the lanes are others, or there is no such primitive.
     #[inline(always)]
     pub fn nearest_on<S: Simd>(
         &self,
@@ -124,22 +123,20 @@ impl Hierarchy {
         from: Option<(u32, Side)>,
         scratch: &mut Scratch,
     ) -> Option<Hit> {
-        let cull = CullRay::new(&self.frame, ray, span)?;
-        let Scratch { stack, steps, primitive_tests } = scratch;
-        let mut visitor = NearestVisitor {
-            shapes: &self.shapes,
-            probe: Probe::new(simd, ray, span, self.shapes.is_flat()),
-            departure: self.shapes.departure(from),
-            cull,
-            end: cull.end(span.end),
-            nearest: None,
-            tests: primitive_tests,
-        };
-        self.traverse(simd, stack, &cull, visitor.end, steps, &mut visitor);
-        visitor.nearest
+        match &self.width {
+            Width::Eight(wide) if S::F32::LANES == 8 => wide.nearest(simd, &self.frame, ray, span, from, scratch),
+            Width::Sixteen(wide) if S::F32::LANES == 16 => {
+                wide.nearest(simd, &self.frame, ray, span, from, scratch)
+            }
+            _ => panic!("a hierarchy runs on the lanes it was built for"),
+        }
     }
 
     /// Whether anything is hit, within a kernel that runs on the lanes the hierarchy was built for.
+    ///
+    /// # Panics
+    ///
+    /// If the lanes are others, or there is no such primitive.
     #[inline(always)]
     pub fn occluded_on<S: Simd>(
         &self,
@@ -149,76 +146,142 @@ impl Hierarchy {
         from: Option<(u32, Side)>,
         scratch: &mut Scratch,
     ) -> bool {
-        let Some(cull) = CullRay::new(&self.frame, ray, span) else { return false };
+        match &self.width {
+            Width::Eight(wide) if S::F32::LANES == 8 => wide.occluded(simd, &self.frame, ray, span, from, scratch),
+            Width::Sixteen(wide) if S::F32::LANES == 16 => {
+                wide.occluded(simd, &self.frame, ray, span, from, scratch)
+            }
+            _ => panic!("a hierarchy runs on the lanes it was built for"),
+        }
+    }
+
+    /// How many bytes nodes and primitives take.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        match &self.width {
+            Width::Eight(wide) => wide.bytes(),
+            Width::Sixteen(wide) => wide.bytes(),
+        }
+    }
+}
+
+/// A tree and its primitives.
+#[derive(Clone, Debug)]
+struct Wide<const W: usize> {
+    tree: Tree<W>,
+    shapes: Shapes<W>,
+}
+
+impl<const W: usize> Wide<W> {
+    fn new(frame: &Frame, columns: &PrimitiveColumns, items: &[(PrimitiveKind, u32, Sides)]) -> Self {
+        let mut references: Vec<Reference> = items
+            .par_iter()
+            .enumerate()
+            .with_min_len(1024)
+            .map(|(primitive, &(kind, index, _))| Reference {
+                bounds: frame.cull_box(&columns.bounding_box(kind, index)),
+                primitive: u32::try_from(primitive).expect("checked before"),
+            })
+            .collect();
+        let heavy = items.iter().filter(|item| item.0 == PrimitiveKind::Polygon).count();
+        let cones = items.iter().filter(|item| item.0 == PrimitiveKind::Cone).count();
+        // What is not tested in blocks is better told apart by boxes.
+        let leaf_len = match items.len() {
+            n if 4 * heavy > n => 2,
+            n if 4 * cones > n => 4,
+            _ => W,
+        };
+        let (mut tree, leaves) = build::<W>(&mut references, leaf_len);
+        let order = |i: usize| references[i].primitive;
+        let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, order, &leaves);
+        tree.relabel_leaves(&leaf_runs);
+        Self { tree, shapes }
+    }
+
+    #[inline(always)]
+    fn nearest<S: Simd>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+        scratch: &mut Scratch,
+    ) -> Option<Hit> {
+        let cull = CullRay::new(frame, ray, span)?;
         let Scratch { stack, steps, primitive_tests } = scratch;
+        let end = cull.end(span.end);
+        let mut visitor = NearestVisitor {
+            shapes: &self.shapes,
+            ray: self.shapes.prepare(simd, &cull, ray, span, from),
+            cull,
+            end,
+            nearest: Nearest::None,
+            tests: primitive_tests,
+        };
+        traverse(simd, &self.tree, stack, &cull, end, steps, &mut visitor);
+        self.shapes.resolve(&visitor.ray, visitor.nearest)
+    }
+
+    #[inline(always)]
+    fn occluded<S: Simd>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+        scratch: &mut Scratch,
+    ) -> bool {
+        let Some(cull) = CullRay::new(frame, ray, span) else { return false };
+        let Scratch { stack, steps, primitive_tests } = scratch;
+        let end = cull.end(span.end);
         let mut visitor = AnyVisitor {
             shapes: &self.shapes,
-            probe: Probe::new(simd, ray, span, self.shapes.is_flat()),
-            departure: self.shapes.departure(from),
-            end: cull.end(span.end),
+            ray: self.shapes.prepare(simd, &cull, ray, span, from),
+            end,
             is_hit: false,
             tests: primitive_tests,
         };
-        self.traverse(simd, stack, &cull, visitor.end, steps, &mut visitor);
+        traverse(simd, &self.tree, stack, &cull, end, steps, &mut visitor);
         visitor.is_hit
     }
 
-    #[inline(always)]
-    fn traverse<S: Simd>(
-        &self,
-        simd: S,
-        stack: &mut Stack,
-        ray: &CullRay,
-        end: f32,
-        steps: &mut Steps,
-        visitor: &mut impl Visitor,
-    ) {
-        match &self.tree {
-            Width::Eight(tree) if S::F32::LANES == 8 => traverse(simd, tree, stack, ray, end, steps, visitor),
-            Width::Sixteen(tree) if S::F32::LANES == 16 => traverse(simd, tree, stack, ray, end, steps, visitor),
-            _ => unreachable!("a hierarchy runs on the lanes it was built for"),
-        }
+    fn bytes(&self) -> usize {
+        size_of_val(&self.tree.nodes[..]) + self.shapes.bytes()
     }
 }
 
-/// How many primitives a leaf holds at most.
-const LEAF_LEN: usize = 8;
-
-struct NearestVisitor<'h, S: Simd> {
-    shapes: &'h Shapes,
-    probe: Probe<S>,
-    departure: Option<rayset_geometry::Departure>,
+struct NearestVisitor<'h, S: Simd, const W: usize> {
+    shapes: &'h Shapes<W>,
+    ray: Prepared<S>,
     cull: CullRay,
     end: f32,
-    nearest: Option<Hit>,
+    nearest: Nearest,
     tests: &'h mut u64,
 }
 
-impl<S: Simd> Visitor for NearestVisitor<'_, S> {
+impl<S: Simd, const W: usize> Visitor for NearestVisitor<'_, S, W> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
-        if self.shapes.nearest(leaf, &self.probe, self.departure, &mut self.nearest, self.tests)
-            && let Some(hit) = &self.nearest
-        {
-            self.end = self.cull.end(hit.t);
-        }
+        let Self { shapes, ray, cull, end, nearest, tests } = self;
+        shapes.nearest(leaf, ray, cull, nearest, end, tests);
         Some(self.end)
     }
 }
 
-struct AnyVisitor<'h, S: Simd> {
-    shapes: &'h Shapes,
-    probe: Probe<S>,
-    departure: Option<rayset_geometry::Departure>,
+struct AnyVisitor<'h, S: Simd, const W: usize> {
+    shapes: &'h Shapes<W>,
+    ray: Prepared<S>,
     end: f32,
     is_hit: bool,
     tests: &'h mut u64,
 }
 
-impl<S: Simd> Visitor for AnyVisitor<'_, S> {
+impl<S: Simd, const W: usize> Visitor for AnyVisitor<'_, S, W> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
-        self.is_hit = self.shapes.any(leaf, &self.probe, self.departure, self.tests);
+        self.is_hit = self.shapes.any(leaf, &self.ray, self.end, self.tests);
         if self.is_hit { None } else { Some(self.end) }
     }
 }

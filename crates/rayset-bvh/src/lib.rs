@@ -19,12 +19,14 @@
 mod build;
 mod frame;
 mod hierarchy;
+mod interval;
 mod node;
 mod ray;
 mod shapes;
 mod traverse;
 
 pub use hierarchy::{Hierarchy, Scratch};
+pub use interval::{SPHERE_MARGIN, VERTEX_MARGIN};
 pub use ray::SLAB_MARGIN;
 pub use shapes::Hit;
 pub use traverse::Steps;

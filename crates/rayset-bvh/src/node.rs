@@ -71,3 +71,17 @@ pub(crate) struct Tree<const W: usize> {
     /// The longest way from the root to a leaf, in nodes.
     pub(crate) depth: usize,
 }
+
+impl<const W: usize> Tree<W> {
+    /// Gives the leaves other numbers.
+    pub(crate) fn relabel_leaves(&mut self, labels: &[u32]) {
+        for child in self.nodes.iter_mut().flat_map(|node| &mut node.children) {
+            // An empty slot has the number of a leaf that is never met.
+            if Child(*child).is_leaf()
+                && let Some(&label) = labels.get(Child(*child).index())
+            {
+                *child = Child::leaf(label as usize).0;
+            }
+        }
+    }
+}

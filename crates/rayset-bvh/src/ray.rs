@@ -33,8 +33,15 @@ pub(crate) struct CullRay {
     /// Which of a node's six planes are near and far.
     pub(crate) near: [usize; 3],
     pub(crate) far: [usize; 3],
-    /// Where the span starts, or less.
+    /// Where the span starts, or less, and or more.
     pub(crate) start: f32,
+    pub(crate) start_above: f32,
+    /// Where the span ends, or less.
+    pub(crate) end_below: f32,
+    /// The origin in culling space, moved along the ray if it was far off.
+    pub(crate) origin: DVec3,
+    /// How far off a coordinate may be: see [`crate::interval`].
+    pub(crate) unit: f32,
     /// World units to units of culling space.
     scale: f64,
     /// How far the origin was moved along the ray, in units of culling space.
@@ -74,6 +81,10 @@ impl CullRay {
             near: [0, 1, 2],
             far: [3, 4, 5],
             start: round_down(start - advance),
+            start_above: round_up(start.max(0.0) - advance),
+            end_below: round_down(span.end * frame.scale - advance),
+            origin,
+            unit: ((1.0 + size) / 16_777_216.0 + hit_slack) as f32,
             scale: frame.scale,
             advance,
         };
@@ -95,5 +106,11 @@ impl CullRay {
     #[inline(always)]
     pub(crate) fn end(&self, t: f64) -> f32 {
         round_up(t * self.scale - self.advance)
+    }
+
+    /// A distance in culling space that is not above `t` in world units.
+    #[inline(always)]
+    pub(crate) fn below(&self, t: f64) -> f32 {
+        round_down(t * self.scale - self.advance)
     }
 }

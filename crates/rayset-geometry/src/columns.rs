@@ -134,7 +134,7 @@ impl PrimitiveColumns {
     pub fn normal_at(&self, kind: PrimitiveKind, index: u32, point: DVec3) -> DVec3 {
         let i = index as usize;
         match kind {
-            PrimitiveKind::Sphere => self.sphere(i).normal_at(point),
+            PrimitiveKind::Sphere => self.sphere(index).normal_at(point),
             PrimitiveKind::Triangle => self.triangle(index).normal(),
             PrimitiveKind::Polygon => self.polygon_normals[i],
             PrimitiveKind::Cone => {
@@ -155,7 +155,7 @@ impl PrimitiveColumns {
     pub fn bounding_box(&self, kind: PrimitiveKind, index: u32) -> BoundingBox {
         let i = index as usize;
         match kind {
-            PrimitiveKind::Sphere => Primitive::from(self.sphere(i)).bounding_box(),
+            PrimitiveKind::Sphere => Primitive::from(self.sphere(index)).bounding_box(),
             PrimitiveKind::Triangle => Primitive::from(self.triangle(index)).bounding_box(),
             PrimitiveKind::Polygon => {
                 let [x, y, z] = &self.polygon_vertices;
@@ -205,8 +205,23 @@ impl PrimitiveColumns {
         ColumnRun { kind, sides, range: new..new + 1 }
     }
 
-    fn sphere(&self, i: usize) -> Sphere {
-        let [x, y, z, radius] = &self.spheres;
+    /// How many bytes the columns take.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let columns = self.spheres.iter().chain(&self.triangles).chain(&self.cones).chain(&self.polygon_vertices);
+        columns.map(|column| size_of_val(&column[..])).sum::<usize>()
+            + size_of_val(&self.polygon_starts[..])
+            + size_of_val(&self.polygon_normals[..])
+    }
+
+    /// A sphere.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such sphere.
+    #[must_use]
+    pub fn sphere(&self, index: u32) -> Sphere {
+        let ([x, y, z, radius], i) = (&self.spheres, index as usize);
         Sphere::new(DVec3::new(x[i], y[i], z[i]), radius[i])
     }
 
