@@ -222,3 +222,160 @@ impl<const W: usize> TriangleBlock<W> {
         [x - sx * z, y - sy * z, z]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+    use rayset_geometry::glam::{DVec3, dvec3};
+    use rayset_geometry::{BoundingBox, Probe, Sides, Span, Sphere, Triangle, unit};
+    use rayset_simd::{Backend, Kernel, LaneMask, Scalar};
+
+    use super::*;
+    use crate::frame::Frame;
+
+    /// How often the single-precision answer contradicts the exact one, and how often it is unsure.
+    #[derive(Debug, Default)]
+    struct Tally {
+        lost: u32,
+        false_sure: u32,
+        out_of_interval: u32,
+        unsure: u32,
+        hits: u32,
+    }
+
+    struct Dice(ChaCha8Rng);
+
+    impl Dice {
+        fn unit(&mut self) -> f64 {
+            f64::from(self.0.next_u32()) / f64::from(u32::MAX)
+        }
+        fn within(&mut self, low: f64, high: f64) -> f64 {
+            low + (high - low) * self.unit()
+        }
+        fn point(&mut self) -> DVec3 {
+            dvec3(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0))
+        }
+        fn pick<const N: usize>(&mut self, values: [f64; N]) -> f64 {
+            values[self.0.next_u32() as usize % N]
+        }
+    }
+
+    /// Rays aimed at where it is in doubt whether a shape is hit.
+    struct Doubtful {
+        /// By what the margins are multiplied.
+        factor: f32,
+        cases: u32,
+        seed: u64,
+    }
+
+    impl Kernel for Doubtful {
+        type Output = Tally;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> Tally {
+            let mut dice = Dice(ChaCha8Rng::seed_from_u64(self.seed));
+            let mut tally = Tally::default();
+            let cube = BoundingBox { min: DVec3::splat(-1.0), max: DVec3::ONE };
+            for case in 0..self.cases {
+                // The scene is moved and scaled, so that single precision has something to round.
+                let (scale, shift) = (dice.pick([1.0, 0.3, 1e4]), dice.point() * dice.pick([0.0, 1.0, 1e3]));
+                let place = |p: DVec3| scale * (p + shift);
+                let frame = Frame::of(&BoundingBox { min: place(cube.min), max: place(cube.max) });
+                let size = dice.pick([1.0, 0.1, 1e-2, 1e-3]);
+                let eye = match case % 3 {
+                    0 => dice.point(),
+                    1 => 3.0 * dice.point(),
+                    _ => 50.0 * dice.point(),
+                };
+                let offset = dice.pick([0.0, 1e-8, -1e-8, 1e-7, -1e-7, 1e-6, -1e-6, 1e-4, -1e-2]);
+                let (target, triangle, sphere) = if case % 2 == 0 {
+                    let a = dice.point() * 0.9;
+                    let corners = [a, a + size * 0.1 * dice.point(), a + size * 0.1 * dice.point()];
+                    let w = dice.unit();
+                    let edge = corners[1] + w * (corners[2] - corners[1]);
+                    let target = edge + offset * (corners[0] - edge);
+                    (target, Some(Triangle::new(place(corners[0]), place(corners[1]), place(corners[2]))), None)
+                } else {
+                    let (center, radius) = (0.7 * dice.point(), 0.3 * size);
+                    let across = unit((center - eye).cross(dice.point())).unwrap_or(DVec3::X);
+                    let target = center + (1.0 + offset) * radius * across;
+                    (target, None, Some(Sphere::new(place(center), scale * radius)))
+                };
+                let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
+                // Sometimes the span ends about there.
+                let distance = (place(target) - place(eye)).length();
+                let end = dice.pick([f64::INFINITY, distance, distance * (1.0 + 1e-7), distance * (1.0 - 1e-7)]);
+                let span = Span { start: dice.pick([0.0, distance * (1.0 - 1e-7)]), end };
+                let Some(cull) = CullRay::new(&frame, &ray, span) else {
+                    tally.lost += 1;
+                    continue;
+                };
+                let mut leaf = LeafRay::new(simd, &cull, &ray, true);
+                leaf.unit *= self.factor;
+                let probe = Probe::new(Scalar, &ray, span, true);
+                let (found, exact) = if let Some(triangle) = triangle {
+                    let mut block = TriangleBlock::<8>::EMPTY;
+                    let mut wide = TriangleBlock::<16>::EMPTY;
+                    let vertices = triangle.vertices().map(|vertex| frame.point(vertex).to_array());
+                    block.set(3, vertices);
+                    wide.set(3, vertices);
+                    let end = cull.end(span.end);
+                    let found = if S::F32::LANES == 16 {
+                        wide.intervals(&leaf, end, u32::MAX, u32::MAX)
+                    } else {
+                        block.intervals(&leaf, end, u32::MAX, u32::MAX)
+                    };
+                    (found, triangle.intersect(&probe, Sides::Both, None))
+                } else if let Some(sphere) = sphere {
+                    let mut block = SphereBlock::<8>::EMPTY;
+                    let mut wide = SphereBlock::<16>::EMPTY;
+                    let center = frame.point(sphere.center()).to_array();
+                    block.set(3, center, sphere.radius() * frame.scale);
+                    wide.set(3, center, sphere.radius() * frame.scale);
+                    let end = cull.end(span.end);
+                    let found = if S::F32::LANES == 16 {
+                        wide.intervals(&leaf, end, u32::MAX, u32::MAX)
+                    } else {
+                        block.intervals(&leaf, end, u32::MAX, u32::MAX)
+                    };
+                    (found, sphere.intersect(&probe, Sides::Both, None))
+                } else {
+                    continue;
+                };
+                assert_eq!((found.possible | found.sure).bits() & !8, 0, "an empty lane is never hit");
+                let (possible, sure) = (found.possible.bits() != 0, found.sure.bits() != 0);
+                assert!(possible || !sure);
+                tally.hits += u32::from(exact.is_some());
+                tally.unsure += u32::from(possible && !sure);
+                tally.lost += u32::from(exact.is_some() && !possible);
+                tally.false_sure += u32::from(exact.is_none() && sure);
+                if let Some(t) = exact
+                    && possible
+                {
+                    let (low, high) = (found.low.lane(3), found.high.lane(3));
+                    let is_within = low <= cull.end(t) && (!sure || high >= cull.below(t));
+                    tally.out_of_interval += u32::from(!is_within);
+                }
+            }
+            tally
+        }
+    }
+
+    #[test]
+    fn no_hit_is_lost_and_no_sure_one_is_none() {
+        for &backend in Backend::available() {
+            let tally = backend.run(Doubtful { factor: 1.0, cases: 100_000, seed: 1 });
+            assert_eq!((tally.lost, tally.false_sure, tally.out_of_interval), (0, 0, 0), "{backend}: {tally:?}");
+            assert!(tally.hits > 10_000 && tally.unsure > 1_000, "{backend}: {tally:?}");
+        }
+    }
+
+    #[test]
+    fn without_the_margins_hits_are_lost() {
+        for &backend in Backend::available() {
+            let tally = backend.run(Doubtful { factor: 0.0, cases: 100_000, seed: 1 });
+            assert!(tally.lost > 0 && tally.false_sure > 0 && tally.out_of_interval > 0, "{backend}: {tally:?}");
+        }
+    }
+}
