@@ -30,3 +30,8 @@ pub use interval::{SPHERE_MARGIN, VERTEX_MARGIN};
 pub use ray::SLAB_MARGIN;
 pub use shapes::Hit;
 pub use traverse::Steps;
+
+/// The examples of the readme, compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

@@ -114,3 +114,61 @@ impl CullRay {
         round_down(t * self.scale - self.advance)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rayset_geometry::BoundingBox;
+
+    use super::*;
+
+    /// Whether the ray meets a box, as a traversal tests it.
+    fn meets(cull: &CullRay, bounds: &crate::frame::CullBox) -> bool {
+        let planes = [bounds.low, bounds.high].concat();
+        let near = (0..3).map(|k| planes[cull.near[k]] * cull.inverse[k] + cull.near_offset[k]);
+        let far = (0..3).map(|k| planes[cull.far[k]] * cull.inverse[k] + cull.far_offset[k]);
+        near.fold(cull.start, f32::max) <= far.fold(f32::INFINITY, f32::min)
+    }
+
+    /// How many rays that touch a box exactly are said to miss it, if planes are moved by `factor` of the margin.
+    fn misses(factor: f32) -> usize {
+        let frame = Frame::of(&BoundingBox { min: DVec3::splat(-3.0), max: DVec3::splat(5.0) });
+        let mut misses = 0;
+        for i in 0..4000 {
+            let at = |k: f64| (f64::from(i) * k).fract();
+            let (a, b, c) = (at(0.618_033_9), at(0.754_877_7), at(0.569_840_3));
+            let bounds = BoundingBox { min: DVec3::new(a, b, c), max: DVec3::new(a + 0.1, b + 0.2, c + 0.3) };
+            // Through an edge of the box and away from it.
+            let edge = DVec3::new(a, b, c + 0.3 * at(0.819_172_5));
+            let across = DVec3::new(1.0, -1.0, at(0.671_043_6) - 0.5).normalize();
+            let ray = Ray::new(edge - (1.0 + 3.0 * a) * across, across);
+            let mut cull = CullRay::new(&frame, &ray, Span::FORWARD).unwrap();
+            for k in 0..3 {
+                let (near, far) = (cull.near_offset[k], cull.far_offset[k]);
+                let middle = 0.5 * (near + far);
+                cull.near_offset[k] = middle + factor * (near - middle);
+                cull.far_offset[k] = middle + factor * (far - middle);
+            }
+            misses += usize::from(!meets(&cull, &frame.cull_box(&bounds)));
+        }
+        misses
+    }
+
+    #[test]
+    fn slab_margin_is_needed() {
+        assert_eq!(misses(1.0), 0);
+        assert!(misses(0.0) > 100, "{}", misses(0.0));
+    }
+
+    #[test]
+    fn origins_far_away_are_moved_or_give_up() {
+        let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
+        for distance in [1.0, 10.0, 1e6, 1e12, 1e20, 1e300] {
+            let ray = Ray::new(DVec3::new(0.0, 0.0, -distance), DVec3::Z);
+            let cull = CullRay::new(&frame, &ray, Span::FORWARD).expect("it hits");
+            assert!(cull.near_offset.iter().chain(&cull.far_offset).all(|offset| offset.is_finite()));
+            assert!(meets(&cull, &frame.cull_box(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE })));
+            let missing = Ray::new(ray.origin(), -DVec3::Z);
+            assert!(CullRay::new(&frame, &missing, Span::FORWARD).is_none() || !(100.0..1e12).contains(&distance));
+        }
+    }
+}
