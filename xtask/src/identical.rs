@@ -146,7 +146,7 @@ fn size(scene: &NamedScene, quick: bool) -> (u32, u32) {
 fn combinations(quick: bool) -> Vec<Combination> {
     let mut combinations = Vec::new();
     for &kind in StrategyKind::ALL.iter().filter(|kind| kind.is_exact()) {
-        for (b, &backend) in Backend::ALL.iter().enumerate() {
+        for (b, &backend) in Backend::available().iter().enumerate() {
             for (i, bundle_len) in [Some(64), Some(1), Some(7), None].into_iter().enumerate() {
                 for (j, n_threads) in [1, 2].into_iter().enumerate() {
                     for (k, order) in [PixelOrder::Scanline, PixelOrder::Tiles(8)].into_iter().enumerate() {

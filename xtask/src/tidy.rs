@@ -13,12 +13,13 @@ use crate::{Outcome, project};
 const LAYERS: &[(&str, &[&str], &[&str])] = &[
     ("rayset-simd", &[], &[]),
     ("rayset-geometry", &["rayset-simd"], &["glam"]),
+    ("rayset-bvh", &["rayset-geometry", "rayset-simd"], &["rayon"]),
     (
         "rayset-scene",
         &["rayset-geometry"],
         &["earcut", "flate2", "libm", "rand_chacha", "strsim", "thiserror", "tobj", "toml"],
     ),
-    ("rayset-engine", &["rayset-geometry", "rayset-scene", "rayset-simd"], &["libm", "rayon"]),
+    ("rayset-engine", &["rayset-bvh", "rayset-geometry", "rayset-scene", "rayset-simd"], &["libm", "rayon"]),
     ("rayset-image", &[], &["exr", "image", "libm", "thiserror"]),
     (
         "rayset-study",

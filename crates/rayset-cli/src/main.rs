@@ -28,7 +28,7 @@ use rayset::simd::Backend;
   2    an error; its message says where
   130  interrupted; nothing half done was written
 
-RAYSET_SIMD=scalar|portable chooses the SIMD backend; no result depends on it."
+RAYSET_SIMD=scalar|portable|avx2|avx512 chooses the SIMD backend; no result depends on it."
 )]
 struct Arguments {
     #[command(subcommand)]

@@ -9,7 +9,8 @@ use crate::{ByKind, Histogram};
 ///
 /// Those of `standard` depend on nothing else. Those of `speer-1985` also depend on the pixel order and on where sweeps
 /// begin, since it keeps what it learnt; those of `coherent` also on the bundle length, since the rays of a bundle
-/// share what they may spend, and on the number of lanes, which decides whether coherence is worth trying.
+/// share what they may spend, and on the number of lanes, which decides whether coherence is worth trying; those of
+/// `hierarchical` on the number of lanes, which is the width of its nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Work {
     /// Region partitions: the `k n` term of section 3 is one of them.
@@ -27,6 +28,8 @@ pub struct Work {
     pub radius_comparisons: u64,
     /// Cells of a grid that rays passed through.
     pub cells_visited: u64,
+    /// Boxes of a hierarchy that rays were tested against, empty slots of a node included.
+    pub boxes_tested: u64,
 }
 
 /// How the rays of one kind fared with what was retained.
@@ -66,7 +69,7 @@ impl Work {
     }
 
     /// The same, to be changed.
-    pub fn counts_mut(&mut self) -> [(&'static str, &mut u64); 7] {
+    pub fn counts_mut(&mut self) -> [(&'static str, &mut u64); 8] {
         let Self {
             partitions,
             volumes_classified,
@@ -75,6 +78,7 @@ impl Work {
             cylinders_built,
             radius_comparisons,
             cells_visited,
+            boxes_tested,
         } = self;
         [
             ("partitions", partitions),
@@ -84,11 +88,12 @@ impl Work {
             ("cylinders_built", cylinders_built),
             ("radius_comparisons", radius_comparisons),
             ("cells_visited", cells_visited),
+            ("boxes_tested", boxes_tested),
         ]
     }
 
     /// The work in tests of one primitive or volume: primitive tests, volumes classified, two for each pierce check,
-    /// radius comparisons, and one for each cell visited.
+    /// radius comparisons, and one for each cell visited and each box tested.
     ///
     /// Source: Speer et al. 1985, section 4 ("about as much as two ray-sphere intersection tests"). Stepping to a cell
     /// takes fewer operations than a test, but waits for memory.
@@ -99,6 +104,7 @@ impl Work {
             + 2 * self.pierce_checks
             + self.radius_comparisons
             + self.cells_visited
+            + self.boxes_tested
     }
 }
 

@@ -135,7 +135,7 @@ fn occluded(test: &TestScene, query: &ShadowQuery) -> bool {
 fn every_answer_without_a_partition_is_that_of_brute_force() {
     let (mut rays, mut accepted) = (ByKind::<u64>::default(), ByKind::<u64>::default());
     for test in &scenes::all() {
-        for &backend in Backend::ALL {
+        for &backend in Backend::available() {
             for (order, bundle_len) in [(PixelOrder::Scanline, 64), (PixelOrder::Tiles(8), 1)] {
                 let inner = Coherent::on(&test.scene, backend).unlimited();
                 let watched = Watched { inner, test, findings: Mutex::default() };
@@ -179,7 +179,7 @@ fn nothing_is_certified_where_squares_underflow() {
         }
         let scene = builder.build().unwrap();
         let options = RenderOptions { width: 200, height: 60, ..RenderOptions::default() };
-        for &backend in Backend::ALL {
+        for &backend in Backend::available() {
             let expected = render(&Standard::on(&scene, backend), &options).unwrap();
             let actual = render(&Coherent::on(&scene, backend).unlimited(), &options).unwrap();
             assert_eq!(expected.differing_pixels(&actual), 0, "{scale:e}, {backend}");

@@ -69,7 +69,7 @@ fn partition(c: &mut Criterion) {
         let (mut point, mut volumes) = (points(), VolumeColumns::default());
         (0..n).for_each(|_| volumes.push(&BoundingSphere { center: point(), radius: 0.1 }));
         group.throughput(Throughput::Elements(n * rays.len() as u64));
-        for &backend in Backend::ALL {
+        for &backend in Backend::available() {
             group.bench_function(BenchmarkId::new(backend.name(), n), |b| {
                 let intersected = |ray| backend.run(Partition(&volumes, ray, PARTITION_MARGIN * 4.0));
                 b.iter(|| black_box(&rays).iter().map(intersected).sum::<u32>());
@@ -106,7 +106,7 @@ fn flat_primitives(c: &mut Criterion) {
     group.throughput(Throughput::Elements(u64::from(n) * rays.len() as u64));
     for kind in [rayset_geometry::PrimitiveKind::Triangle, rayset_geometry::PrimitiveKind::Polygon] {
         let run = ColumnRun { kind, sides: Sides::Both, range: 0..n };
-        for &backend in Backend::ALL {
+        for &backend in Backend::available() {
             group.bench_function(BenchmarkId::new(format!("{kind:?}"), backend), |b| {
                 let is_hit = |ray: &&Ray| backend.run(Nearest(&columns, &run, ray)).is_some();
                 b.iter(|| black_box(&rays).iter().filter(is_hit).count());

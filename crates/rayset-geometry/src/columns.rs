@@ -134,7 +134,7 @@ impl PrimitiveColumns {
     pub fn normal_at(&self, kind: PrimitiveKind, index: u32, point: DVec3) -> DVec3 {
         let i = index as usize;
         match kind {
-            PrimitiveKind::Sphere => self.sphere(i).normal_at(point),
+            PrimitiveKind::Sphere => self.sphere(index).normal_at(point),
             PrimitiveKind::Triangle => self.triangle(index).normal(),
             PrimitiveKind::Polygon => self.polygon_normals[i],
             PrimitiveKind::Cone => {
@@ -155,14 +155,14 @@ impl PrimitiveColumns {
     pub fn bounding_box(&self, kind: PrimitiveKind, index: u32) -> BoundingBox {
         let i = index as usize;
         match kind {
-            PrimitiveKind::Sphere => Primitive::from(self.sphere(i)).bounding_box(),
+            PrimitiveKind::Sphere => Primitive::from(self.sphere(index)).bounding_box(),
             PrimitiveKind::Triangle => Primitive::from(self.triangle(index)).bounding_box(),
             PrimitiveKind::Polygon => {
                 let [x, y, z] = &self.polygon_vertices;
                 let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize;
                 vertices.map(|v| DVec3::new(x[v], y[v], z[v])).collect()
             }
-            PrimitiveKind::Cone => Cone::bounding_box_of(&self.cones.each_ref().map(|column| column[i])),
+            PrimitiveKind::Cone => Cone::bounding_box_of(&std::array::from_fn(|k| self.cones[k][i])),
         }
     }
 
@@ -178,8 +178,50 @@ impl PrimitiveColumns {
         Triangle::new(vertex(0), vertex(1), vertex(2))
     }
 
-    fn sphere(&self, i: usize) -> Sphere {
-        let [x, y, z, radius] = &self.spheres;
+    /// Appends a primitive of other columns; returns the run of it alone.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive, or as [`PrimitiveColumns::push`] does.
+    pub fn push_from(&mut self, other: &Self, kind: PrimitiveKind, index: u32, sides: Sides) -> ColumnRun {
+        let (i, new) = (index as usize, index_of(self.len(kind)));
+        match kind {
+            PrimitiveKind::Sphere => push_all(&mut self.spheres, std::array::from_fn(|k| other.spheres[k][i])),
+            PrimitiveKind::Triangle => {
+                push_all(&mut self.triangles, std::array::from_fn(|k| other.triangles[k][i]));
+            }
+            PrimitiveKind::Cone => push_all(&mut self.cones, std::array::from_fn(|k| other.cones[k][i])),
+            PrimitiveKind::Polygon => {
+                for v in other.polygon_starts[i] as usize..other.polygon_starts[i + 1] as usize {
+                    push_all(
+                        &mut self.polygon_vertices,
+                        std::array::from_fn(|k| other.polygon_vertices[k][v]),
+                    );
+                }
+                self.polygon_starts.push(index_of(self.polygon_vertices[0].len() - MAX_LANES));
+                self.polygon_normals.push(other.polygon_normals[i]);
+            }
+        }
+        ColumnRun { kind, sides, range: new..new + 1 }
+    }
+
+    /// How many bytes the columns take.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let columns = self.spheres.iter().chain(&self.triangles).chain(&self.cones).chain(&self.polygon_vertices);
+        columns.map(|column| size_of_val(&column[..])).sum::<usize>()
+            + size_of_val(&self.polygon_starts[..])
+            + size_of_val(&self.polygon_normals[..])
+    }
+
+    /// A sphere.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such sphere.
+    #[must_use]
+    pub fn sphere(&self, index: u32) -> Sphere {
+        let ([x, y, z, radius], i) = (&self.spheres, index as usize);
         Sphere::new(DVec3::new(x[i], y[i], z[i]), radius[i])
     }
 
@@ -259,9 +301,7 @@ impl PrimitiveColumns {
     #[inline(always)]
     fn intersect_polygon<S: Simd>(&self, probe: &Probe<S>, i: usize) -> Option<(Side, f64)> {
         let (start, next) = (self.polygon_starts[i] as usize, self.polygon_starts[i + 1] as usize);
-        let [x, y, z] = &self.polygon_vertices;
-        let load = |i: usize| map3([x, y, z], |column| probe.simd.load_f64(&column[start + i..]));
-        polygon::intersect(probe, load, next - start - 1)
+        polygon::intersect(probe, &VertexColumns { columns: &self.polygon_vertices, start }, next - start - 1)
     }
 }
 
@@ -297,12 +337,30 @@ impl<S: Simd> LaneTest<S> for TriangleTest<'_> {
     }
 }
 
+/// The vertices of a polygon.
+struct VertexColumns<'a> {
+    columns: &'a [Vec<f64>; 3],
+    start: usize,
+}
+
+impl<S: Simd> polygon::Vertices<S> for VertexColumns<'_> {
+    #[inline(always)]
+    fn load(&self, simd: S, i: usize) -> [S::F64; 3] {
+        let ([x, y, z], i) = (self.columns, self.start + i);
+        [simd.load_f64(&x[i..]), simd.load_f64(&y[i..]), simd.load_f64(&z[i..])]
+    }
+}
+
 struct ConeTest<'a>(&'a [Vec<f64>; cone::PARAMETERS]);
 
 impl<S: Simd> LaneTest<S> for ConeTest<'_> {
     #[inline(always)]
     fn test(&self, probe: &Probe<S>, i: usize, allowed: Allowed<S>) -> (<S::F64 as Lanes>::Mask, S::F64) {
-        cone::intersect(probe, self.0.each_ref().map(|column| probe.simd.load_f64(&column[i..])), allowed)
+        let mut parameters = [probe.simd.splat_f64(0.0); cone::PARAMETERS];
+        for (parameter, column) in parameters.iter_mut().zip(self.0) {
+            *parameter = probe.simd.load_f64(&column[i..]);
+        }
+        cone::intersect(probe, parameters, allowed)
     }
 }
 

@@ -166,7 +166,6 @@ pub(crate) fn intersect<S: Simd>(
     let zero = simd.splat_f64(0.0);
     let (o, d) = (probe.lanes.origin, probe.lanes.direction);
     let [bx, by, bz, ax, ay, az, height, base_radius, slope, across, widest] = parameters;
-    let dot = |a: [S::F64; 3], b: [S::F64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let axis = [ax, ay, az];
     let to_base = [bx - o[0], by - o[1], bz - o[2]];
     let nearest = dot(to_base, d);
@@ -190,19 +189,45 @@ pub(crate) fn intersect<S: Simd>(
     let by_product = by_sum.select(sum.eq(zero), c / sum);
     let front = by_sum.select(b_positive, by_product);
     let back = by_product.select(b_positive, by_sum);
-    let on_surface = |t: S::F64| {
-        let m = q_m + t * d_m;
-        let p = [q_p[0] + t * d_p[0], q_p[1] + t * d_p[1], q_p[2] + t * d_p[2]];
-        let local_radius = base_radius + slope * m;
-        let reach = (local_radius + across).min(widest);
-        m.ge(zero) & m.le(height) & local_radius.ge(zero) & dot(p, p).le(reach * reach)
-    };
+    let wall = Wall::<S> { zero, q_m, d_m, q_p, d_p, height, base_radius, slope, across, widest };
     let (front_t, back_t) = (nearest + front, nearest + back);
-    let front_hit = real & allowed.front & on_surface(front) & probe.in_span(front_t);
-    let back_hit = real & allowed.back & on_surface(back) & probe.in_span(back_t);
+    let front_hit = real & allowed.front & wall.holds(front) & probe.in_span(front_t);
+    let back_hit = real & allowed.back & wall.holds(back) & probe.in_span(back_t);
     // The front root is the nearer one except on the mirror cone, which never counts; still, take the least.
     let first = front_hit & !(back_hit & back_t.lt(front_t));
     (front_hit | back_hit, front_t.select(first, back_t))
+}
+
+/// The ray in the cone's own terms, and the cone's thick wall. No closure: lanes must be inlined always.
+struct Wall<S: Simd> {
+    zero: S::F64,
+    q_m: S::F64,
+    d_m: S::F64,
+    q_p: [S::F64; 3],
+    d_p: [S::F64; 3],
+    height: S::F64,
+    base_radius: S::F64,
+    slope: S::F64,
+    across: S::F64,
+    widest: S::F64,
+}
+
+impl<S: Simd> Wall<S> {
+    /// Whether the point at `t` lies in the wall.
+    #[inline(always)]
+    fn holds(&self, t: S::F64) -> <S::F64 as Lanes>::Mask {
+        let m = self.q_m + t * self.d_m;
+        let (q, d) = (&self.q_p, &self.d_p);
+        let p = [q[0] + t * d[0], q[1] + t * d[1], q[2] + t * d[2]];
+        let local_radius = self.base_radius + self.slope * m;
+        let reach = (local_radius + self.across).min(self.widest);
+        m.ge(self.zero) & m.le(self.height) & local_radius.ge(self.zero) & dot(p, p).le(reach * reach)
+    }
+}
+
+#[inline(always)]
+fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The primitive that a ray leaves, and what it may hit there.
 
-use rayset_simd::{Lanes, Simd};
+use rayset_simd::{Lanes, Scalar, Simd};
 
 use crate::{PrimitiveKind, Side, Sides};
 
@@ -40,5 +40,13 @@ impl<S: Simd> Allowed<S> {
             return Self { front: front & !left, back: if inwards { back } else { back & !left } };
         }
         Self { front, back }
+    }
+}
+
+impl Allowed<Scalar> {
+    /// What may be hit of one primitive; `departure` is the side into which the ray left it, if it did.
+    #[inline(always)]
+    pub(crate) fn of_one(kind: PrimitiveKind, sides: Sides, departure: Option<Side>) -> Self {
+        Self::of(Scalar, sides, departure.map(|side| Departure { kind, index: 0, side }), 0)
     }
 }

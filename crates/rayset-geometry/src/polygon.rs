@@ -1,7 +1,7 @@
 //! Planar polygons, convex or not.
 
 use glam::DVec3;
-use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
+use rayset_simd::{LaneMask, Lanes, MAX_LANES, Scalar, Simd};
 
 use crate::crossing::{Crossing, Crossings};
 use crate::probe::map3;
@@ -71,25 +71,19 @@ impl Polygon {
 #[inline(always)]
 pub(crate) fn intersect<S: Simd>(
     probe: &Probe<S>,
-    load: impl Fn(usize) -> [S::F64; 3],
+    vertices: &impl Vertices<S>,
     count: usize,
 ) -> Option<(Side, f64)> {
     let simd = probe.simd;
     let zero = simd.splat_f64(0.0);
-    let axes = probe.shear.axes;
-    let [sx, sy, sz] = map3(probe.shear.factors, |factor| simd.splat_f64(factor));
-    let origin = [probe.lanes.origin[axes[0]], probe.lanes.origin[axes[1]], probe.lanes.origin[axes[2]]];
-    let shear = |i: usize| {
-        let vertex = load(i);
-        let z = vertex[axes[2]] - origin[2];
-        let x = (vertex[axes[0]] - origin[0]) - sx * z;
-        let y = (vertex[axes[1]] - origin[1]) - sy * z;
-        [x, y, sz * z]
-    };
+    let factors = map3(probe.shear.factors, |factor| simd.splat_f64(factor));
     let mut crossings = Crossings::default();
     let mut winding = 0;
     for i in (0..count).step_by(S::F64::LANES) {
-        let ([px, py, pz], [qx, qy, qz]) = (shear(i), shear(i + 1));
+        let ([px, py, pz], [qx, qy, qz]) = (
+            sheared(probe, factors, vertices.load(simd, i)),
+            sheared(probe, factors, vertices.load(simd, i + 1)),
+        );
         let (p_above, q_above) = (py.gt(zero), qy.gt(zero));
         let real = (1_u32 << (count - i).min(S::F64::LANES)) - 1;
         let crossing = ((p_above & !q_above) | (q_above & !p_above)).bits() & real;
@@ -99,13 +93,11 @@ pub(crate) fn intersect<S: Simd>(
         let numerator = px * qy - py * qx;
         let rise = qy - py;
         let fraction = -py / rise;
-        // x is no quotient of the numerator, which may have lost its digits to underflow. Where rounding leads beyond
-        // the ends, the clamp keeps the bound exact.
-        let between = |p: S::F64, q: S::F64| (p + fraction * (q - p)).max(p.min(q)).min(p.max(q));
+        // x is no quotient of the numerator, which may have lost its digits to underflow.
         let mut depth_lanes = [0.0; MAX_LANES];
         let mut x_lanes = [0.0; MAX_LANES];
-        between(pz, qz).store(&mut depth_lanes);
-        between(px, qx).store(&mut x_lanes);
+        between(fraction, pz, qz).store(&mut depth_lanes);
+        between(fraction, px, qx).store(&mut x_lanes);
         for lane in 0..S::F64::LANES {
             if crossing >> lane & 1 == 0 {
                 continue;
@@ -131,6 +123,35 @@ pub(crate) fn intersect<S: Simd>(
     // Clockwise about the ray's direction is counterclockwise for the eye.
     let side = if winding < 0 { Side::Front } else { Side::Back };
     Some((side, crossings.depth_of_ray()?))
+}
+
+/// Where the vertices are read from. A trait and not a closure, since it must be inlined always.
+pub(crate) trait Vertices<S: Simd> {
+    /// The vertices `i`, `i + 1`, ... as many as there are lanes; the first stands once more after the last.
+    fn load(&self, simd: S, i: usize) -> [S::F64; 3];
+}
+
+impl Vertices<Scalar> for Polygon {
+    #[inline(always)]
+    fn load(&self, _: Scalar, i: usize) -> [f64; 3] {
+        self.vertices[if i < self.vertices.len() { i } else { 0 }].to_array()
+    }
+}
+
+/// A vertex in sheared space, with the distance along the ray for a depth.
+#[inline(always)]
+fn sheared<S: Simd>(probe: &Probe<S>, [sx, sy, sz]: [S::F64; 3], vertex: [S::F64; 3]) -> [S::F64; 3] {
+    let ([ax, ay, az], origin) = (probe.shear.axes, &probe.lanes.origin);
+    let z = vertex[az] - origin[az];
+    let x = (vertex[ax] - origin[ax]) - sx * z;
+    let y = (vertex[ay] - origin[ay]) - sy * z;
+    [x, y, sz * z]
+}
+
+/// A fraction of the way from `p` to `q`; where rounding leads beyond the ends, the clamp keeps the bound exact.
+#[inline(always)]
+fn between<L: Lanes>(fraction: L, p: L, q: L) -> L {
+    (p + fraction * (q - p)).max(p.min(q)).min(p.max(q))
 }
 
 #[cfg(test)]

@@ -4,10 +4,8 @@ use glam::DVec3;
 use rayset_simd::Scalar;
 
 use crate::departure::Allowed;
-use crate::{
-    BoundingSphere, Cone, Departure, Polygon, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
-};
-use crate::{cone, polygon, sphere, triangle};
+use crate::{BoundingSphere, Cone, Polygon, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle};
+use crate::{cone, polygon};
 
 /// A piece of surface: what the paper calls a primitive.
 ///
@@ -45,26 +43,21 @@ impl Primitive {
     /// The same kernel tests whole columns: see [`crate::PrimitiveColumns`].
     #[must_use]
     pub fn intersect(&self, ray: &Ray, span: Span, sides: Sides, departure: Option<Side>) -> Option<f64> {
-        let kind = self.kind();
-        let probe =
-            Probe::new(Scalar, ray, span, matches!(kind, PrimitiveKind::Triangle | PrimitiveKind::Polygon));
-        let departure = departure.map(|side| Departure { kind, index: 0, side });
-        let allowed = Allowed::of(Scalar, sides, departure, 0);
-        let (is_hit, t) = match self {
-            Self::Sphere(s) => sphere::intersect(&probe, s.center().to_array(), s.radius(), allowed),
-            Self::Triangle(t) => {
-                let sheared = |v: DVec3| probe.shear.axes.map(|k| v[k]);
-                triangle::intersect(&probe, t.vertices().map(sheared), allowed)
+        let is_flat = matches!(self.kind(), PrimitiveKind::Triangle | PrimitiveKind::Polygon);
+        let probe = Probe::new(Scalar, ray, span, is_flat);
+        match self {
+            Self::Sphere(sphere) => sphere.intersect(&probe, sides, departure),
+            Self::Triangle(triangle) => triangle.intersect(&probe, sides, departure),
+            Self::Cone(cone) => {
+                let allowed = Allowed::of_one(PrimitiveKind::Cone, sides, departure);
+                let (is_hit, t) = cone::intersect(&probe, cone.parameters(), allowed);
+                is_hit.then_some(t)
             }
-            Self::Cone(c) => cone::intersect(&probe, c.parameters(), allowed),
-            Self::Polygon(p) => {
-                let vertices = p.vertices();
-                let load = |i: usize| vertices[i % vertices.len()].to_array();
-                let (side, t) = polygon::intersect(&probe, load, vertices.len())?;
-                (departure.is_none() && sides.include(side) && span.contains(t), t)
+            Self::Polygon(polygon) => {
+                let (side, t) = polygon::intersect(&probe, polygon, polygon.vertices().len())?;
+                (departure.is_none() && sides.include(side) && span.contains(t)).then_some(t)
             }
-        };
-        is_hit.then_some(t)
+        }
     }
 
     /// The unit normal of the front at a point of the surface.

@@ -1,10 +1,10 @@
 //! Spheres.
 
 use glam::DVec3;
-use rayset_simd::{Lanes, Simd};
+use rayset_simd::{Lanes, Scalar, Simd};
 
 use crate::departure::Allowed;
-use crate::{BoundingSphere, Probe};
+use crate::{BoundingSphere, PrimitiveKind, Probe, Side, Sides};
 
 /// A sphere, in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +42,16 @@ impl Sphere {
     #[must_use]
     pub fn normal_at(&self, point: DVec3) -> DVec3 {
         crate::unit(point - self.center).unwrap_or(DVec3::Z)
+    }
+
+    /// The distance to the first hit of a prepared ray; `departure` is the side into which it left this very sphere, if
+    /// it did.
+    #[must_use]
+    #[inline(always)]
+    pub fn intersect(&self, probe: &Probe<Scalar>, sides: Sides, departure: Option<Side>) -> Option<f64> {
+        let allowed = Allowed::of_one(PrimitiveKind::Sphere, sides, departure);
+        let (is_hit, t) = intersect(probe, self.center.to_array(), self.radius, allowed);
+        is_hit.then_some(t)
     }
 
     /// The sphere itself.
@@ -84,7 +94,7 @@ mod tests {
     use glam::dvec3;
 
     use super::*;
-    use crate::{Primitive, Ray, Side, Sides, Span};
+    use crate::{Primitive, Ray, Span};
 
     fn sphere() -> Primitive {
         Sphere::new(dvec3(0.0, 0.0, 5.0), 1.0).into()

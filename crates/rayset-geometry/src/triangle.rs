@@ -1,12 +1,12 @@
 //! Triangles, watertight.
 
 use glam::DVec3;
-use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
+use rayset_simd::{LaneMask, Lanes, MAX_LANES, Scalar, Simd};
 
 use crate::crossing::Crossings;
 use crate::departure::Allowed;
 use crate::probe::map3;
-use crate::{BoundingSphere, Probe, compare_products, enclosing_sphere};
+use crate::{BoundingSphere, PrimitiveKind, Probe, Side, Sides, compare_products, enclosing_sphere};
 
 /// A triangle, in world space; its front is where its vertices go round counterclockwise.
 ///
@@ -60,6 +60,19 @@ impl Triangle {
         let weights = [area(b, c), area(c, a), area(a, b)];
         let sum = weights[0] + weights[1] + weights[2];
         if sum.abs() > 0.0 { weights.map(|weight| weight / sum) } else { [1.0, 0.0, 0.0] }
+    }
+
+    /// The distance at which a ray hits that was prepared for triangles; `departure` is the side into which it left this
+    /// very triangle, if it did.
+    #[must_use]
+    #[inline(always)]
+    pub fn intersect(&self, probe: &Probe<Scalar>, sides: Sides, departure: Option<Side>) -> Option<f64> {
+        let [a, b, c] = &self.vertices;
+        let [x, y, z] = probe.shear.axes;
+        let vertices = [[a[x], a[y], a[z]], [b[x], b[y], b[z]], [c[x], c[y], c[z]]];
+        let allowed = Allowed::of_one(PrimitiveKind::Triangle, sides, departure);
+        let (is_hit, t) = intersect(probe, vertices, allowed);
+        is_hit.then_some(t)
     }
 
     /// The smallest enclosing sphere, to within the bound that [`enclosing_sphere`] states.
@@ -148,12 +161,15 @@ pub(crate) fn intersect<S: Simd>(
     }
     let mut t_lanes = [0.0; MAX_LANES];
     t.store(&mut t_lanes);
+    let mut stored = [[0.0; MAX_LANES]; 9];
+    for (stored, value) in stored.iter_mut().zip([ax, ay, a_depth, bx, by, b_depth, cx, cy, c_depth]) {
+        value.store(stored);
+    }
     for (lane, t) in t_lanes.iter_mut().enumerate().take(S::F64::LANES) {
         if unsteady.bits() >> lane & 1 == 1 {
-            let vertices = [[ax, ay, a_depth], [bx, by, b_depth], [cx, cy, c_depth]];
+            let vertex = |k: usize| std::array::from_fn(|axis| stored[3 * k + axis][lane]);
             // NaN lies in no span.
-            let depth =
-                Crossings::depth_in_triangle(vertices.map(|vertex| vertex.map(|value| value.lane(lane))));
+            let depth = Crossings::depth_in_triangle([vertex(0), vertex(1), vertex(2)]);
             *t = depth.unwrap_or(f64::NAN);
         }
     }
@@ -167,7 +183,7 @@ mod tests {
     use glam::dvec3;
 
     use super::*;
-    use crate::{Primitive, Ray, Sides, Span};
+    use crate::{Primitive, Ray, Span};
 
     fn triangle() -> Primitive {
         Triangle::new(dvec3(0.0, 0.0, 2.0), dvec3(1.0, 0.0, 2.0), dvec3(0.0, 1.0, 2.0)).into()

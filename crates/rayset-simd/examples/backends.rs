@@ -21,7 +21,7 @@ impl Kernel for SumOfSquares<'_> {
 
 fn main() {
     let values: Vec<f64> = (1..=16).map(f64::from).collect();
-    for backend in Backend::ALL {
+    for backend in Backend::available() {
         let (lanes, sum) = backend.run(SumOfSquares(&values));
         println!("{backend}: {lanes} lanes of f64, sum of squares {sum}");
     }

@@ -4,6 +4,8 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::OnceLock;
 
+#[cfg(target_arch = "x86_64")]
+use crate::x86;
 use crate::{Portable, Scalar, Simd};
 
 /// Work that is written once for any backend.
@@ -19,13 +21,19 @@ pub trait Kernel {
 }
 
 /// An implementation of lanes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+///
+/// In increasing order of the number of lanes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Backend {
-    /// One lane.
+    /// One lane of `f64`; culls in the lanes of [`Backend::Portable`].
     Scalar,
     /// Arrays of four `f64` or eight `f32`, on any machine.
     Portable,
+    /// Registers of 256 bits of x86-64, with fused multiply-add for culling.
+    Avx2,
+    /// Registers of 512 bits of x86-64.
+    Avx512,
 }
 
 /// The text is not the name of a backend of this machine.
@@ -35,13 +43,35 @@ pub struct UnknownBackend {
 }
 
 impl Backend {
+    /// Every backend, whether or not this machine has it, from the narrowest.
+    pub const ALL: &[Self] = &[Self::Scalar, Self::Portable, Self::Avx2, Self::Avx512];
+
     /// The backends this machine can run, from the narrowest.
-    pub const ALL: &[Self] = &[Self::Scalar, Self::Portable];
+    #[must_use]
+    pub fn available() -> &'static [Self] {
+        static AVAILABLE: OnceLock<Vec<Backend>> = OnceLock::new();
+        AVAILABLE.get_or_init(|| Self::ALL.iter().copied().filter(|backend| backend.is_available()).collect())
+    }
+
+    /// Whether this machine can run it.
+    #[must_use]
+    #[inline]
+    pub fn is_available(self) -> bool {
+        match self {
+            Self::Scalar | Self::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => x86::avx2::is_available(),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => x86::avx512::is_available(),
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx2 | Self::Avx512 => false,
+        }
+    }
 
     /// The widest backend of this machine.
     #[must_use]
     pub fn widest() -> Self {
-        Self::Portable
+        Self::available().last().copied().unwrap_or(Self::Portable)
     }
 
     /// The backend that `RAYSET_SIMD` names, or the widest; read once a process.
@@ -69,15 +99,23 @@ impl Backend {
         match self {
             Self::Scalar => "scalar",
             Self::Portable => "portable",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
         }
     }
 
-    /// Runs a kernel on this backend.
+    /// Runs a kernel on this backend, or on [`Backend::Portable`] where the machine lacks it: the bits are the same.
     #[inline]
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             Self::Scalar => kernel.run(Scalar),
-            Self::Portable => kernel.run(Portable),
+            // SAFETY: the machine has just been found to have the instructions that the function was compiled for.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 if self.is_available() => unsafe { x86::avx2::run(kernel) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 if self.is_available() => unsafe { x86::avx512::run(kernel) },
+            _ => kernel.run(Portable),
         }
     }
 }
@@ -92,7 +130,7 @@ impl FromStr for Backend {
     type Err = UnknownBackend;
 
     fn from_str(name: &str) -> Result<Self, UnknownBackend> {
-        let backend = Self::ALL.iter().copied().find(|backend| backend.name() == name);
+        let backend = Self::available().iter().copied().find(|backend| backend.name() == name);
         backend.ok_or_else(|| UnknownBackend { name: name.to_owned() })
     }
 }
@@ -100,7 +138,7 @@ impl FromStr for Backend {
 impl fmt::Display for UnknownBackend {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "`{}` is no SIMD backend of this machine; it has", self.name)?;
-        for (i, backend) in Backend::ALL.iter().enumerate() {
+        for (i, backend) in Backend::available().iter().enumerate() {
             write!(f, "{} {backend}", if i == 0 { "" } else { "," })?;
         }
         Ok(())
@@ -115,10 +153,34 @@ mod tests {
 
     #[test]
     fn every_backend_is_known_by_its_name() {
-        for &backend in Backend::ALL {
+        for &backend in Backend::available() {
             assert_eq!(backend.name().parse(), Ok(backend));
         }
-        let error = "sse9".parse::<Backend>().unwrap_err();
-        assert_eq!(error.to_string(), "`sse9` is no SIMD backend of this machine; it has scalar, portable");
+        let error = "sse9".parse::<Backend>().unwrap_err().to_string();
+        assert!(
+            error.starts_with("`sse9` is no SIMD backend of this machine; it has scalar, portable"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn every_backend_runs_somewhere() {
+        struct Count;
+        impl Kernel for Count {
+            type Output = usize;
+            #[inline(always)]
+            fn run<S: Simd>(self, _: S) -> usize {
+                <S::F64 as crate::Lanes>::LANES
+            }
+        }
+        for &backend in Backend::ALL {
+            let lanes = backend.run(Count);
+            let expected = match backend {
+                Backend::Scalar => 1,
+                Backend::Avx512 if backend.is_available() => 8,
+                _ => 4,
+            };
+            assert_eq!(lanes, expected, "{backend}");
+        }
     }
 }

@@ -97,12 +97,29 @@ pub trait Lanes:
     fn select(self, mask: Self::Mask, other: Self) -> Self;
 }
 
+/// Lanes of single precision, which cull and never decide.
+///
+/// They need no bits in common between backends, only bounds: so they may fuse, and every backend has at least eight,
+/// the scalar one too.
+pub trait CullLanes: Lanes<Scalar = f32> {
+    /// `self * factor + term`, rounded once or twice.
+    #[must_use]
+    fn mul_add(self, factor: Self, term: Self) -> Self;
+    /// Moves the lanes that are set to the front of `out`, in their order; what stands in `out` after them is not
+    /// specified.
+    ///
+    /// # Panics
+    ///
+    /// If `out` is shorter than [`Lanes::LANES`].
+    fn compress(self, mask: Self::Mask, out: &mut [f32]);
+}
+
 /// A backend's token: the only way to make lanes, so lanes exist only where the machine has them.
 pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// Lanes of double precision: what decides.
     type F64: Lanes<Scalar = f64>;
     /// Lanes of single precision: what may cull.
-    type F32: Lanes<Scalar = f32>;
+    type F32: CullLanes;
 
     /// `value` in every lane.
     #[must_use]
@@ -130,4 +147,11 @@ pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// The mask whose lane `i` is bit `i`; higher bits are ignored.
     #[must_use]
     fn mask_f32(self, bits: u32) -> <Self::F32 as Lanes>::Mask;
+    /// Moves the values whose lane of `F32` is set to the front of `out`, in their order; what stands in `out` after
+    /// them is not specified.
+    ///
+    /// # Panics
+    ///
+    /// If either is shorter than [`Lanes::LANES`] of `F32`.
+    fn compress_u32(self, mask: <Self::F32 as Lanes>::Mask, values: &[u32], out: &mut [u32]);
 }

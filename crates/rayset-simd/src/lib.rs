@@ -4,6 +4,7 @@
 //! once for a whole list of rays.
 //! Every operation of [`Lanes`] is one IEEE 754 operation a lane: no lane is fused, approximate or
 //! reassociated, so a kernel gives the bits of its [`Scalar`] run on any backend.
+//! The one exception is [`CullLanes::mul_add`] of single precision, for kernels that only discard.
 //!
 //! ```
 //! use rayset_simd::{Backend, Kernel, Lanes, Simd};
@@ -30,8 +31,15 @@ mod backend;
 mod lanes;
 mod portable;
 mod scalar;
+#[cfg(target_arch = "x86_64")]
+#[macro_use]
+mod x86;
 
 pub use backend::{Backend, Kernel, UnknownBackend};
-pub use lanes::{LaneMask, Lanes, MAX_LANES, Simd};
+pub use lanes::{CullLanes, LaneMask, Lanes, MAX_LANES, Simd};
 pub use portable::{F32x8, F64x4, M32x8, M64x4, Portable};
 pub use scalar::Scalar;
+#[cfg(target_arch = "x86_64")]
+pub use x86::avx2::{Avx2, Avx2F32, Avx2F64, Avx2M32, Avx2M64};
+#[cfg(target_arch = "x86_64")]
+pub use x86::avx512::{Avx512, Avx512F32, Avx512F64, Avx512M32, Avx512M64};

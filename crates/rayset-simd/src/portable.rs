@@ -3,7 +3,7 @@
 use std::array::from_fn;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use crate::{LaneMask, Lanes, Simd};
+use crate::{CullLanes, LaneMask, Lanes, Simd};
 
 /// The backend of plain arrays: four `f64` or eight `f32`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -144,6 +144,30 @@ macro_rules! array_lanes {
 array_lanes!(F64x4, M64x4, f64, u64, 4, 32);
 array_lanes!(F32x8, M32x8, f32, u32, 8, 32);
 
+impl CullLanes for F32x8 {
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        self * factor + term
+    }
+    #[inline(always)]
+    fn compress(self, mask: M32x8, out: &mut [f32]) {
+        compress(mask, self.0, out);
+    }
+}
+
+/// Moves the values of set lanes to the front of `out`.
+#[inline(always)]
+fn compress<T: Copy>(mask: M32x8, values: [T; 8], out: &mut [T]) {
+    let out = &mut out[..8];
+    let mut front = 0;
+    for (value, lane) in values.into_iter().zip(mask.0) {
+        // Written always and kept only if set: no branch to guess.
+        out[front] = value;
+        front += usize::from(lane != 0);
+        front &= 7;
+    }
+}
+
 impl Simd for Portable {
     type F64 = F64x4;
     type F32 = F32x8;
@@ -173,5 +197,10 @@ impl Simd for Portable {
     #[inline(always)]
     fn mask_f32(self, bits: u32) -> M32x8 {
         M32x8::of(|i| bits >> i & 1 == 1)
+    }
+    #[inline(always)]
+    fn compress_u32(self, mask: M32x8, values: &[u32], out: &mut [u32]) {
+        let values = &values[..8];
+        compress(mask, from_fn(|i| values[i]), out);
     }
 }

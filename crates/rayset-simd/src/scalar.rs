@@ -1,8 +1,8 @@
 //! One lane: plain numbers. The reference for every other backend.
 
-use crate::{LaneMask, Lanes, Simd};
+use crate::{F32x8, LaneMask, Lanes, M32x8, Portable, Simd};
 
-/// The backend with one lane, a plain `f64` or `f32`.
+/// The backend with one lane of `f64`; it culls in the lanes of [`Portable`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Scalar;
 
@@ -66,11 +66,10 @@ macro_rules! scalar_lanes {
 }
 
 scalar_lanes!(f64);
-scalar_lanes!(f32);
 
 impl Simd for Scalar {
     type F64 = f64;
-    type F32 = f32;
+    type F32 = F32x8;
 
     #[inline(always)]
     fn splat_f64(self, value: f64) -> f64 {
@@ -85,15 +84,19 @@ impl Simd for Scalar {
         bits & 1 == 1
     }
     #[inline(always)]
-    fn splat_f32(self, value: f32) -> f32 {
-        value
+    fn splat_f32(self, value: f32) -> F32x8 {
+        Portable.splat_f32(value)
     }
     #[inline(always)]
-    fn load_f32(self, values: &[f32]) -> f32 {
-        values[0]
+    fn load_f32(self, values: &[f32]) -> F32x8 {
+        Portable.load_f32(values)
     }
     #[inline(always)]
-    fn mask_f32(self, bits: u32) -> bool {
-        bits & 1 == 1
+    fn mask_f32(self, bits: u32) -> M32x8 {
+        Portable.mask_f32(bits)
+    }
+    #[inline(always)]
+    fn compress_u32(self, mask: M32x8, values: &[u32], out: &mut [u32]) {
+        Portable.compress_u32(mask, values, out);
     }
 }

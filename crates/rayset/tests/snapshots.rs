@@ -38,7 +38,7 @@ fn golden(name: &str) -> Image {
 
 fn check(name: &str, scene: &Scene) {
     for &kind in StrategyKind::ALL {
-        let strategy = kind.bind(scene);
+        let strategy = kind.bind_on(scene, Backend::Portable);
         let frame = render(strategy.as_ref(), &options()).unwrap();
         let image = through_a_file(&image_of(&frame));
         insta::assert_snapshot!(format!("{name}-{kind}-image"), image.summary(8, 6));
@@ -90,8 +90,8 @@ fn cornell_box_loads_as_it_did() {
 fn every_layer_survives_a_file() {
     let scene = spheres(8);
     let options = RenderOptions { layers: Layers::ALL, ..options() };
-    let mut frame = render(StrategyKind::Speer1985.bind(&scene).as_ref(), &options).unwrap();
-    let exact = render(StrategyKind::Standard.bind(&scene).as_ref(), &options).unwrap();
+    let mut frame = render(StrategyKind::Speer1985.bind_on(&scene, Backend::Portable).as_ref(), &options).unwrap();
+    let exact = render(StrategyKind::Standard.bind_on(&scene, Backend::Portable).as_ref(), &options).unwrap();
     frame.mark_wrong(&exact);
     let image = rayset::image_of(&frame, ChannelNames::Layered, &[]).unwrap();
     let image = through_a_file(&image);
@@ -121,7 +121,7 @@ fn every_layer_survives_a_file() {
 fn recording_changes_no_pixel_and_no_count() {
     let scene = spheres(8);
     for &kind in StrategyKind::ALL {
-        let strategy = kind.bind(&scene);
+        let strategy = kind.bind_on(&scene, Backend::Portable);
         let plain = render(strategy.as_ref(), &options()).unwrap();
         let options = RenderOptions { layers: Layers::ALL, ..options() };
         let recorded = render(strategy.as_ref(), &options).unwrap();

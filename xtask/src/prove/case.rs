@@ -54,7 +54,7 @@ impl Case<'_> {
     }
 
     fn image(&self, specimen: &Specimen, dice: &mut Dice) -> Result<Findings, Box<dyn Error + Send + Sync>> {
-        let backend = dice.pick(Backend::ALL);
+        let backend = dice.pick(Backend::available());
         // Mostly rays of a sweep are few, so that savings are no use to them: then all must be free.
         let is_unlimited = !dice.once_in(4);
         let strategy = Coherent::on(&specimen.scene, backend);
@@ -104,7 +104,7 @@ impl Case<'_> {
         let mut all = Findings::default();
         for _ in 0..N_DIRECTED {
             let brush = Brush::new(dice)?;
-            let strategy = Coherent::on(&brush.specimen.scene, dice.pick(Backend::ALL)).unlimited();
+            let strategy = Coherent::on(&brush.specimen.scene, dice.pick(Backend::available())).unlimited();
             let watched = Watched::new((self.change)(strategy), &brush.specimen);
             brush.ask(&watched);
             if self.add(&mut all, watched.findings(), &brush.specimen) {
@@ -119,7 +119,7 @@ impl Case<'_> {
         let family = dice.pick(&[Family::Spheres, Family::Touching, Family::Lattice, Family::Kinds]);
         let specimen = family.specimen(dice)?;
         for _ in 0..N_DIRECTED {
-            let strategy = Coherent::on(&specimen.scene, dice.pick(Backend::ALL)).unlimited();
+            let strategy = Coherent::on(&specimen.scene, dice.pick(Backend::available())).unlimited();
             let watched = Watched::new((self.change)(strategy), &specimen);
             strew(&watched, &specimen, dice);
             if self.add(&mut all, watched.findings(), &specimen) {

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use rayset_scene::Scene;
 use rayset_simd::Backend;
 
-use crate::{Cellular, Coherent, IntersectionStrategy, Speer1985, Speer1985Options, Standard};
+use crate::{Cellular, Coherent, Hierarchical, IntersectionStrategy, Speer1985, Speer1985Options, Standard};
 
 /// A strategy, not yet bound to a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -20,6 +20,8 @@ pub enum StrategyKind {
     Coherent,
     /// [`Cellular`].
     Cellular,
+    /// [`Hierarchical`].
+    Hierarchical,
 }
 
 /// The text is not the name of a strategy.
@@ -30,7 +32,8 @@ pub struct UnknownStrategy {
 
 impl StrategyKind {
     /// Every strategy.
-    pub const ALL: &[Self] = &[Self::Standard, Self::Speer1985, Self::Coherent, Self::Cellular];
+    pub const ALL: &[Self] =
+        &[Self::Standard, Self::Speer1985, Self::Coherent, Self::Cellular, Self::Hierarchical];
 
     /// The name by which options and reports know it.
     #[must_use]
@@ -40,6 +43,7 @@ impl StrategyKind {
             Self::Speer1985 => "speer-1985",
             Self::Coherent => "coherent",
             Self::Cellular => "cellular",
+            Self::Hierarchical => "hierarchical",
         }
     }
 
@@ -47,7 +51,7 @@ impl StrategyKind {
     #[must_use]
     pub fn is_exact(self) -> bool {
         match self {
-            Self::Standard | Self::Coherent | Self::Cellular => true,
+            Self::Standard | Self::Coherent | Self::Cellular | Self::Hierarchical => true,
             Self::Speer1985 => false,
         }
     }
@@ -65,6 +69,7 @@ impl StrategyKind {
             Self::Standard => Box::new(Standard::on(scene, backend)),
             Self::Coherent => Box::new(Coherent::on(scene, backend)),
             Self::Cellular => Box::new(Cellular::on(scene, backend)),
+            Self::Hierarchical => Box::new(Hierarchical::on(scene, backend)),
             Self::Speer1985 => Box::new(Speer1985::on(scene, backend, Speer1985Options::default())),
         }
     }
@@ -114,7 +119,7 @@ mod tests {
         let error = "octree".parse::<StrategyKind>().unwrap_err();
         assert_eq!(
             error.to_string(),
-            "`octree` is no strategy; there are standard, speer-1985, coherent, cellular"
+            "`octree` is no strategy; there are standard, speer-1985, coherent, cellular, hierarchical"
         );
     }
 }

@@ -2,6 +2,7 @@
 
 mod cellular;
 mod coherent;
+mod hierarchical;
 mod kind;
 mod partition;
 mod speer_1985;
@@ -11,6 +12,7 @@ pub use cellular::Cellular;
 pub use coherent::Coherent;
 #[cfg(feature = "mutations")]
 pub use coherent::Condition;
+pub use hierarchical::Hierarchical;
 pub use kind::{StrategyKind, UnknownStrategy};
 pub use speer_1985::{
     BlockerRule, EndPlaneRule, InheritanceRule, LightRule, MatchRule, MissRule, OriginatingRule, SlabRule,

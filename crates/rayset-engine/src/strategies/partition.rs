@@ -104,7 +104,13 @@ impl Partition {
         work: &mut Work,
     ) -> bool {
         self.of::<S, false>(simd, scene, probe, work);
-        self.intersected.iter().any(|&volume| any_in(scene, probe, volume, departure, work))
+        // A loop and not `Iterator::any`: the lanes of a closure are compiled without the backend's instructions.
+        for &volume in &self.intersected {
+            if any_in(scene, probe, volume, departure, work) {
+                return true;
+            }
+        }
+        false
     }
 }
 

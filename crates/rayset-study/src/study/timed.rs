@@ -37,7 +37,7 @@ pub(super) struct Cell {
 pub(super) const STRATEGIES: [&str; 4] = ["standard", "speer-1985", "speer-1985-misses", "coherent"];
 
 /// The paper's "other algorithmic methods".
-pub(super) const OTHERS: [StrategyKind; 1] = [StrategyKind::Cellular];
+pub(super) const OTHERS: [StrategyKind; 2] = [StrategyKind::Cellular, StrategyKind::Hierarchical];
 
 /// The names of all of them, in the order in which [`Timed`] holds them.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {

@@ -279,9 +279,13 @@ impl Speer1985Tracer<'_> {
     ) -> Option<Hit> {
         let work = &mut self.stats.work;
         self.partition.of::<S, true>(simd, self.scene, probe, work);
-        let mut volumes = self.partition.intersected.iter();
-        let blocking = volumes.find(|&&volume| any_in(self.scene, probe, volume, departure, work))?;
-        nearest_in(self.scene, probe, *blocking, departure, &mut Work::default())
+        // A loop and not `find`: the lanes of a closure are compiled without the backend's instructions.
+        for &volume in &self.partition.intersected {
+            if any_in(self.scene, probe, volume, departure, work) {
+                return nearest_in(self.scene, probe, volume, departure, &mut Work::default());
+            }
+        }
+        None
     }
 
     fn note_false_coherence(&mut self, kind: RayKind, pierced: Option<(VolumeId, Hit)>, hit: Option<Hit>) {

@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-use rayset_engine::StrategyKind;
 
 use super::Sheet;
 use super::claims;

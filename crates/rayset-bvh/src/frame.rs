@@ -1,0 +1,113 @@
+//! The space in which boxes are culled: the scene moved to the origin and scaled to about unit size.
+
+use rayset_geometry::BoundingBox;
+use rayset_geometry::glam::DVec3;
+
+/// World space to culling space: `x' = (x - center) scale`, the scale a power of two.
+///
+/// Everything that can be hit has coordinates of at most 1 there, so single precision neither overflows nor
+/// underflows, whatever the size of the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Frame {
+    pub(crate) center: DVec3,
+    pub(crate) scale: f64,
+}
+
+/// A box in culling space, in single precision, never smaller than what it was made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct CullBox {
+    pub(crate) low: [f32; 3],
+    pub(crate) high: [f32; 3],
+}
+
+impl CullBox {
+    /// The box that holds nothing.
+    pub(crate) const EMPTY: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
+
+    #[inline]
+    pub(crate) fn union(mut self, other: &Self) -> Self {
+        for k in 0..3 {
+            self.low[k] = self.low[k].min(other.low[k]);
+            self.high[k] = self.high[k].max(other.high[k]);
+        }
+        self
+    }
+
+    /// Half the surface; zero for the empty box.
+    #[inline]
+    pub(crate) fn half_area(&self) -> f32 {
+        let [x, y, z] = std::array::from_fn(|k| (self.high[k] - self.low[k]).max(0.0));
+        x * y + y * z + z * x
+    }
+
+    /// Twice the middle along an axis.
+    #[inline]
+    pub(crate) fn doubled_center(&self, axis: usize) -> f32 {
+        self.low[axis] + self.high[axis]
+    }
+}
+
+impl Frame {
+    /// The frame of a scene with these bounds.
+    pub(crate) fn of(bounds: &BoundingBox) -> Self {
+        if bounds.is_empty() {
+            return Self { center: DVec3::ZERO, scale: 1.0 };
+        }
+        let half = 0.5 * bounds.diagonal().max_element();
+        // The next power of two, so that scaling rounds nothing; kept in the range where its inverse is finite.
+        let exponent = (half.max(f64::MIN_POSITIVE).to_bits() >> 52).clamp(1, 2044);
+        let scale = f64::from_bits((2045 - exponent) << 52);
+        Self { center: bounds.center(), scale }
+    }
+
+    /// A point in culling space.
+    #[inline(always)]
+    pub(crate) fn point(&self, point: DVec3) -> DVec3 {
+        (point - self.center) * self.scale
+    }
+
+    /// A box in culling space, rounded outwards.
+    pub(crate) fn cull_box(&self, bounds: &BoundingBox) -> CullBox {
+        let (low, high) = (self.point(bounds.min).to_array(), self.point(bounds.max).to_array());
+        CullBox { low: low.map(round_down), high: high.map(round_up) }
+    }
+}
+
+/// A number in single precision that is not above `value`, whose own rounding is allowed for.
+#[inline]
+pub(crate) fn round_down(value: f64) -> f32 {
+    -round_up(-value)
+}
+
+/// A number in single precision that is not below `value`, whose own rounding is allowed for.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "one step up makes up for the rounding to single precision")]
+pub(crate) fn round_up(value: f64) -> f32 {
+    (value as f32).next_up()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_of_any_size_fits_the_unit_cube() {
+        for size in [1e-300, 1e-160, 1e-3, 1.0, 1.5, 2.0, 1e10, 1e60, 1e300] {
+            let bounds = BoundingBox { min: DVec3::splat(-size), max: DVec3::splat(size) };
+            let frame = Frame::of(&bounds);
+            let half = size * frame.scale;
+            assert!((0.25..=1.0).contains(&half) || size < 1e-290, "{size:e}: {half}");
+            let culled = frame.cull_box(&bounds);
+            assert!(culled.high[0] <= 1.000_001 && f64::from(culled.high[0]) >= half);
+        }
+        let flat = BoundingBox { min: DVec3::ONE, max: DVec3::ONE };
+        assert!(Frame::of(&flat).scale.is_finite());
+    }
+
+    #[test]
+    fn rounding_goes_outwards() {
+        for value in [0.1, -0.1, 0.0, 1.0 + 1e-9, 0.5] {
+            assert!(f64::from(round_up(value)) > value && f64::from(round_down(value)) < value, "{value}");
+        }
+    }
+}

@@ -1,0 +1,317 @@
+//! The hierarchy and what it answers.
+
+use rayon::prelude::*;
+use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, Ray, Side, Sides, Span};
+use rayset_simd::{Backend, Kernel, Lanes, Simd};
+
+use crate::build::{Reference, build};
+use crate::frame::Frame;
+use crate::node::Tree;
+use crate::ray::CullRay;
+use crate::shapes::{Hit, Nearest, Prepared, Shapes};
+use crate::traverse::{Stack, Steps, Visitor, traverse};
+
+/// A bounding volume hierarchy over primitives of any shape.
+#[derive(Clone, Debug)]
+pub struct Hierarchy {
+    backend: Backend,
+    frame: Frame,
+    width: Width,
+}
+
+/// As wide as the lanes that traverse it.
+#[derive(Clone, Debug)]
+enum Width {
+    Eight(Wide<8>),
+    Sixteen(Wide<16>),
+}
+
+/// What a caller keeps between rays, so that tracing one allocates nothing.
+#[derive(Clone, Debug)]
+pub struct Scratch {
+    stack: Stack,
+    /// What was done with it.
+    pub steps: Steps,
+    /// How many primitives were tested.
+    pub primitive_tests: u64,
+}
+
+impl Hierarchy {
+    /// Builds a hierarchy over primitives, numbered in their order, for the lanes of [`Backend::active`].
+    ///
+    /// # Panics
+    ///
+    /// If there are 2^31 primitives or more.
+    #[must_use]
+    pub fn new<'p>(primitives: impl IntoIterator<Item = (&'p Primitive, Sides)>) -> Self {
+        let mut columns = PrimitiveColumns::default();
+        let mut items = Vec::new();
+        for (primitive, sides) in primitives {
+            let run = columns.push(primitive, sides);
+            items.push((run.kind, run.range.start, sides));
+        }
+        Self::over(&columns, &items, Backend::active())
+    }
+
+    /// Builds a hierarchy over primitives that stand in columns: their kinds, indices in the columns of the kind, and
+    /// the sides they can be hit from.
+    ///
+    /// # Panics
+    ///
+    /// If an index is not in the columns, or there are 2^31 primitives or more.
+    #[must_use]
+    pub fn over(
+        columns: &PrimitiveColumns,
+        items: &[(PrimitiveKind, u32, Sides)],
+        backend: Backend,
+    ) -> Self {
+        assert!(items.len() < 1 << 31, "fewer than 2^31 primitives");
+        let bounds = items
+            .par_iter()
+            .with_min_len(1024)
+            .map(|&(kind, index, _)| columns.bounding_box(kind, index))
+            .reduce(|| BoundingBox::EMPTY, BoundingBox::union);
+        let frame = Frame::of(&bounds);
+        let width = if backend == Backend::Avx512 && backend.is_available() {
+            Width::Sixteen(Wide::new(&frame, columns, items))
+        } else {
+            Width::Eight(Wide::new(&frame, columns, items))
+        };
+        Self { backend, frame, width }
+    }
+
+    /// The lanes it was built for.
+    #[must_use]
+    pub fn backend(&self) -> Backend {
+        self.backend
+    }
+
+    /// What [`Hierarchy::nearest_on`] and [`Hierarchy::occluded_on`] need to keep between rays.
+    #[must_use]
+    pub fn scratch(&self) -> Scratch {
+        let stack = match &self.width {
+            Width::Eight(wide) => Stack::of(&wide.tree),
+            Width::Sixteen(wide) => Stack::of(&wide.tree),
+        };
+        Scratch { stack, steps: Steps::default(), primitive_tests: 0 }
+    }
+
+    /// The least hit of a ray in the order `(t, primitive)`.
+    #[must_use]
+    pub fn nearest(&self, ray: &Ray, span: Span) -> Option<Hit> {
+        self.backend.run(NearestOf { hierarchy: self, ray, span, scratch: &mut self.scratch() })
+    }
+
+    /// Whether a ray hits anything.
+    #[must_use]
+    pub fn occluded(&self, ray: &Ray, span: Span) -> bool {
+        self.backend.run(OccludedOf { hierarchy: self, ray, span, scratch: &mut self.scratch() })
+    }
+
+    /// The least hit, within a kernel that runs on the lanes the hierarchy was built for; `from` is the primitive that
+    /// the ray leaves, and into which side.
+    ///
+    /// # Panics
+    ///
+    /// If the lanes are others, or there is no such primitive.
+    #[inline(always)]
+    pub fn nearest_on<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+        scratch: &mut Scratch,
+    ) -> Option<Hit> {
+        match &self.width {
+            Width::Eight(wide) if S::F32::LANES == 8 => wide.nearest(simd, &self.frame, ray, span, from, scratch),
+            Width::Sixteen(wide) if S::F32::LANES == 16 => {
+                wide.nearest(simd, &self.frame, ray, span, from, scratch)
+            }
+            _ => panic!("a hierarchy runs on the lanes it was built for"),
+        }
+    }
+
+    /// Whether anything is hit, within a kernel that runs on the lanes the hierarchy was built for.
+    ///
+    /// # Panics
+    ///
+    /// If the lanes are others, or there is no such primitive.
+    #[inline(always)]
+    pub fn occluded_on<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+        scratch: &mut Scratch,
+    ) -> bool {
+        match &self.width {
+            Width::Eight(wide) if S::F32::LANES == 8 => wide.occluded(simd, &self.frame, ray, span, from, scratch),
+            Width::Sixteen(wide) if S::F32::LANES == 16 => {
+                wide.occluded(simd, &self.frame, ray, span, from, scratch)
+            }
+            _ => panic!("a hierarchy runs on the lanes it was built for"),
+        }
+    }
+
+    /// How many bytes nodes and primitives take.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        match &self.width {
+            Width::Eight(wide) => wide.bytes(),
+            Width::Sixteen(wide) => wide.bytes(),
+        }
+    }
+}
+
+/// A tree and its primitives.
+#[derive(Clone, Debug)]
+struct Wide<const W: usize> {
+    tree: Tree<W>,
+    shapes: Shapes<W>,
+}
+
+impl<const W: usize> Wide<W> {
+    fn new(frame: &Frame, columns: &PrimitiveColumns, items: &[(PrimitiveKind, u32, Sides)]) -> Self {
+        let mut references: Vec<Reference> = items
+            .par_iter()
+            .enumerate()
+            .with_min_len(1024)
+            .map(|(primitive, &(kind, index, _))| Reference {
+                bounds: frame.cull_box(&columns.bounding_box(kind, index)),
+                primitive: u32::try_from(primitive).expect("checked before"),
+            })
+            .collect();
+        let heavy = items.iter().filter(|item| item.0 == PrimitiveKind::Polygon).count();
+        let cones = items.iter().filter(|item| item.0 == PrimitiveKind::Cone).count();
+        // What is not tested in blocks is better told apart by boxes.
+        let leaf_len = match items.len() {
+            n if 4 * heavy > n => 2,
+            n if 4 * cones > n => 4,
+            _ => W,
+        };
+        let (mut tree, leaves) = build::<W>(&mut references, leaf_len);
+        let order = |i: usize| references[i].primitive;
+        let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, order, &leaves);
+        tree.relabel_leaves(&leaf_runs);
+        Self { tree, shapes }
+    }
+
+    #[inline(always)]
+    fn nearest<S: Simd>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+        scratch: &mut Scratch,
+    ) -> Option<Hit> {
+        let cull = CullRay::new(frame, ray, span)?;
+        let Scratch { stack, steps, primitive_tests } = scratch;
+        let end = cull.end(span.end);
+        let mut visitor = NearestVisitor {
+            shapes: &self.shapes,
+            ray: self.shapes.prepare(simd, &cull, ray, span, from),
+            cull,
+            end,
+            nearest: Nearest::None,
+            tests: primitive_tests,
+        };
+        traverse(simd, &self.tree, stack, &cull, end, steps, &mut visitor);
+        self.shapes.resolve(&visitor.ray, visitor.nearest)
+    }
+
+    #[inline(always)]
+    fn occluded<S: Simd>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+        scratch: &mut Scratch,
+    ) -> bool {
+        let Some(cull) = CullRay::new(frame, ray, span) else { return false };
+        let Scratch { stack, steps, primitive_tests } = scratch;
+        let end = cull.end(span.end);
+        let mut visitor = AnyVisitor {
+            shapes: &self.shapes,
+            ray: self.shapes.prepare(simd, &cull, ray, span, from),
+            end,
+            is_hit: false,
+            tests: primitive_tests,
+        };
+        traverse(simd, &self.tree, stack, &cull, end, steps, &mut visitor);
+        visitor.is_hit
+    }
+
+    fn bytes(&self) -> usize {
+        size_of_val(&self.tree.nodes[..]) + self.shapes.bytes()
+    }
+}
+
+struct NearestVisitor<'h, S: Simd, const W: usize> {
+    shapes: &'h Shapes<W>,
+    ray: Prepared<S>,
+    cull: CullRay,
+    end: f32,
+    nearest: Nearest,
+    tests: &'h mut u64,
+}
+
+impl<S: Simd, const W: usize> Visitor for NearestVisitor<'_, S, W> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: usize) -> Option<f32> {
+        let Self { shapes, ray, cull, end, nearest, tests } = self;
+        shapes.nearest(leaf, ray, cull, nearest, end, tests);
+        Some(self.end)
+    }
+}
+
+struct AnyVisitor<'h, S: Simd, const W: usize> {
+    shapes: &'h Shapes<W>,
+    ray: Prepared<S>,
+    end: f32,
+    is_hit: bool,
+    tests: &'h mut u64,
+}
+
+impl<S: Simd, const W: usize> Visitor for AnyVisitor<'_, S, W> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: usize) -> Option<f32> {
+        self.is_hit = self.shapes.any(leaf, &self.ray, self.end, self.tests);
+        if self.is_hit { None } else { Some(self.end) }
+    }
+}
+
+struct NearestOf<'a> {
+    hierarchy: &'a Hierarchy,
+    ray: &'a Ray,
+    span: Span,
+    scratch: &'a mut Scratch,
+}
+
+impl Kernel for NearestOf<'_> {
+    type Output = Option<Hit>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Option<Hit> {
+        self.hierarchy.nearest_on(simd, self.ray, self.span, None, self.scratch)
+    }
+}
+
+struct OccludedOf<'a> {
+    hierarchy: &'a Hierarchy,
+    ray: &'a Ray,
+    span: Span,
+    scratch: &'a mut Scratch,
+}
+
+impl Kernel for OccludedOf<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> bool {
+        self.hierarchy.occluded_on(simd, self.ray, self.span, None, self.scratch)
+    }
+}

@@ -1,0 +1,381 @@
+//! Single-precision tests that say between which distances a ray hits, if it does.
+//!
+//! A lane is *possible* if the `f64` test may report a hit there, and *sure* if it must. The hit then lies between
+//! `low` and `high`, in culling space. All margins are multiples of one number, [`LeafRay::unit`]: the rounding of a
+//! coordinate. They are derived in `docs/numerics.md`.
+
+use rayset_geometry::{Ray, Shear};
+use rayset_simd::{CullLanes, Lanes, Simd};
+
+use crate::ray::CullRay;
+
+/// How far the perpendicular from a sphere's centre may be off, in units of [`LeafRay::unit`].
+pub const SPHERE_MARGIN: f32 = 34.0;
+/// How far a distance to a sphere may be off, apart from its half chord.
+const SPHERE_DISTANCE_MARGIN: f32 = 20.0;
+/// How far a sheared vertex may be off.
+pub const VERTEX_MARGIN: f32 = 10.0;
+/// How far a distance to a triangle may be off, apart from its weights.
+const TRIANGLE_DISTANCE_MARGIN: f32 = 80.0;
+
+/// Where a ray hits the primitives of a block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Intervals<S: Simd> {
+    pub(crate) possible: <S::F32 as Lanes>::Mask,
+    pub(crate) sure: <S::F32 as Lanes>::Mask,
+    pub(crate) low: S::F32,
+    /// Meaningful where a lane is sure.
+    pub(crate) high: S::F32,
+}
+
+/// A ray prepared for testing blocks.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LeafRay<S: Simd> {
+    simd: S,
+    origin: [S::F32; 3],
+    direction: [S::F32; 3],
+    /// The origin with its axes in the order of the shear, and the shear's factors.
+    sheared_origin: [S::F32; 3],
+    axes: [usize; 3],
+    factors: [S::F32; 3],
+    /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
+    unit: f32,
+    /// The span, outwards and inwards.
+    start: S::F32,
+    start_above: S::F32,
+    end_below: S::F32,
+}
+
+impl<S: Simd> LeafRay<S> {
+    /// Prepares a ray; `flat` says whether triangles will be tested.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
+    pub(crate) fn new(simd: S, cull: &CullRay, ray: &Ray, flat: bool) -> Self {
+        let zero = simd.splat_f32(0.0);
+        let (o, d) = (cull.origin.to_array(), ray.direction().to_array());
+        let (mut axes, mut sheared_origin, mut factors) = ([0, 1, 2], [zero; 3], [zero; 3]);
+        if flat {
+            let shear = Shear::of(ray);
+            axes = shear.axes;
+            for k in 0..3 {
+                sheared_origin[k] = simd.splat_f32(o[axes[k]] as f32);
+                factors[k] = simd.splat_f32(shear.factors[k] as f32);
+            }
+        }
+        Self {
+            simd,
+            origin: [simd.splat_f32(o[0] as f32), simd.splat_f32(o[1] as f32), simd.splat_f32(o[2] as f32)],
+            direction: [
+                simd.splat_f32(d[0] as f32),
+                simd.splat_f32(d[1] as f32),
+                simd.splat_f32(d[2] as f32),
+            ],
+            sheared_origin,
+            axes,
+            factors,
+            unit: cull.unit,
+            start: simd.splat_f32(cull.start),
+            start_above: simd.splat_f32(cull.start_above),
+            end_below: simd.splat_f32(cull.end_below),
+        }
+    }
+}
+
+/// `W` spheres.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct SphereBlock<const W: usize> {
+    center: [[f32; W]; 3],
+    radius: [f32; W],
+}
+
+/// `W` triangles.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct TriangleBlock<const W: usize> {
+    /// Coordinate `k` of vertex `v` is `3 v + k`.
+    vertices: [[f32; W]; 9],
+}
+
+impl<const W: usize> SphereBlock<W> {
+    /// A block without spheres: no comparison with NaN holds.
+    pub(crate) const EMPTY: Self = Self { center: [[f32::NAN; W]; 3], radius: [f32::NAN; W] };
+
+    #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
+    pub(crate) fn set(&mut self, lane: usize, center: [f64; 3], radius: f64) {
+        for k in 0..3 {
+            self.center[k][lane] = center[k] as f32;
+        }
+        self.radius[lane] = radius as f32;
+    }
+
+    /// Where a ray hits the spheres whose `front` and `back` may be hit.
+    #[inline(always)]
+    pub(crate) fn intervals<S: Simd>(&self, ray: &LeafRay<S>, end: f32, front: u32, back: u32) -> Intervals<S> {
+        let simd = ray.simd;
+        let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
+        let [cx, cy, cz] = &self.center;
+        let x = simd.load_f32(cx) - ox;
+        let y = simd.load_f32(cy) - oy;
+        let z = simd.load_f32(cz) - oz;
+        let radius = simd.load_f32(&self.radius);
+        let along = x.mul_add(dx, y.mul_add(dy, z * dz));
+        let (lx, ly, lz) = (x - along * dx, y - along * dy, z - along * dz);
+        let lateral = lx.mul_add(lx, ly.mul_add(ly, lz * lz));
+        let discriminant = radius * radius - lateral;
+        let error = simd.splat_f32(SPHERE_MARGIN * ray.unit);
+        // r^2 - l^2 is off by 2 E r, rounded up, and what is left of second order.
+        let error = error * (simd.splat_f32(3.0) * radius + simd.splat_f32(5.0) * error);
+        let zero = simd.splat_f32(0.0);
+        let widest = (discriminant + error).max(zero).sqrt();
+        let narrowest = (discriminant - error).max(zero).sqrt();
+        let real = (discriminant + error).ge(zero);
+        let surely_real = discriminant.gt(error);
+        let slack = simd.splat_f32(SPHERE_DISTANCE_MARGIN * ray.unit);
+        let (below, above) = (along - slack, along + slack);
+        let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
+        let ends = simd.splat_f32(end);
+        let (near_low, near_high) = (below - widest, above - narrowest);
+        let (far_low, far_high) = (below + narrowest, above + widest);
+        // The front counts if it lies in the span, else the back.
+        let may_enter = real & front & near_high.ge(ray.start) & near_low.le(ends);
+        let may_leave = real & back & far_high.ge(ray.start) & far_low.le(ends);
+        let enters = surely_real & front & near_low.gt(ray.start_above) & near_high.lt(ray.end_below);
+        let leaves = surely_real
+            & !may_enter
+            & back
+            & far_low.gt(ray.start_above)
+            & far_high.lt(ray.end_below);
+        Intervals {
+            possible: may_enter | may_leave,
+            sure: enters | leaves,
+            low: near_low.select(may_enter, far_low),
+            high: near_high.select(enters, far_high),
+        }
+    }
+}
+
+impl<const W: usize> TriangleBlock<W> {
+    /// A block without triangles.
+    pub(crate) const EMPTY: Self = Self { vertices: [[f32::NAN; W]; 9] };
+
+    #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
+    pub(crate) fn set(&mut self, lane: usize, vertices: [[f64; 3]; 3]) {
+        for (v, vertex) in vertices.iter().enumerate() {
+            for k in 0..3 {
+                self.vertices[3 * v + k][lane] = vertex[k] as f32;
+            }
+        }
+    }
+
+    /// Where a ray hits the triangles whose `front` and `back` may be hit.
+    #[inline(always)]
+    pub(crate) fn intervals<S: Simd>(&self, ray: &LeafRay<S>, end: f32, front: u32, back: u32) -> Intervals<S> {
+        let simd = ray.simd;
+        let [ax, ay, az] = self.vertex(ray, 0);
+        let [bx, by, bz] = self.vertex(ray, 3);
+        let [cx, cy, cz] = self.vertex(ray, 6);
+        let u = cx * by - cy * bx;
+        let v = ax * cy - ay * cx;
+        let w = bx * ay - by * ax;
+        let size = ax.abs().max(ay.abs()).max(bx.abs().max(by.abs())).max(cx.abs().max(cy.abs()));
+        let vertex_error = VERTEX_MARGIN * ray.unit;
+        // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
+        let error =
+            size.mul_add(simd.splat_f32(8.0 * vertex_error), simd.splat_f32(4.0 * vertex_error * vertex_error));
+        let least = u.min(v).min(w);
+        let greatest = u.max(v).max(w);
+        let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
+        let twice = error + error;
+        let possible = (least.ge(-error) & front) | (greatest.le(error) & back);
+        let sure = (least.gt(twice) & front) | (greatest.lt(-twice) & back);
+        let sz = ray.factors[2];
+        let (a_depth, b_depth, c_depth) = (sz * az, sz * bz, sz * cz);
+        let nearest = a_depth.min(b_depth).min(c_depth);
+        let range = a_depth.max(b_depth).max(c_depth) - nearest;
+        let determinant = u + v + w;
+        let inverse = simd.splat_f32(1.0) / determinant;
+        let t = u.mul_add(a_depth, v.mul_add(b_depth, w * c_depth)) * inverse;
+        let slack = simd.splat_f32(TRIANGLE_DISTANCE_MARGIN * ray.unit);
+        let weights = simd.splat_f32(6.5) * error * range * inverse.abs();
+        let low = (t - (weights + slack)).select(sure, nearest - slack);
+        let high = t + (weights + slack);
+        let ends = simd.splat_f32(end);
+        let possible = possible & low.le(ends) & !(sure & high.lt(ray.start));
+        Intervals {
+            possible,
+            sure: sure & possible & low.gt(ray.start_above) & high.lt(ray.end_below),
+            low,
+            high,
+        }
+    }
+
+    /// Three columns, sheared.
+    #[inline(always)]
+    fn vertex<S: Simd>(&self, ray: &LeafRay<S>, first: usize) -> [S::F32; 3] {
+        let ([x, y, z], simd) = (ray.axes, ray.simd);
+        let [ox, oy, oz] = ray.sheared_origin;
+        let [sx, sy, _] = ray.factors;
+        let z = simd.load_f32(&self.vertices[first + z]) - oz;
+        let x = simd.load_f32(&self.vertices[first + x]) - ox;
+        let y = simd.load_f32(&self.vertices[first + y]) - oy;
+        [x - sx * z, y - sy * z, z]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+    use rayset_geometry::glam::{DVec3, dvec3};
+    use rayset_geometry::{BoundingBox, Probe, Sides, Span, Sphere, Triangle, unit};
+    use rayset_simd::{Backend, Kernel, LaneMask, Scalar};
+
+    use super::*;
+    use crate::frame::Frame;
+
+    /// How often the single-precision answer contradicts the exact one, and how often it is unsure.
+    #[derive(Debug, Default)]
+    struct Tally {
+        lost: u32,
+        false_sure: u32,
+        out_of_interval: u32,
+        unsure: u32,
+        hits: u32,
+    }
+
+    struct Dice(ChaCha8Rng);
+
+    impl Dice {
+        fn unit(&mut self) -> f64 {
+            f64::from(self.0.next_u32()) / f64::from(u32::MAX)
+        }
+        fn within(&mut self, low: f64, high: f64) -> f64 {
+            low + (high - low) * self.unit()
+        }
+        fn point(&mut self) -> DVec3 {
+            dvec3(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0))
+        }
+        fn pick<const N: usize>(&mut self, values: [f64; N]) -> f64 {
+            values[self.0.next_u32() as usize % N]
+        }
+    }
+
+    /// Rays aimed at where it is in doubt whether a shape is hit.
+    struct Doubtful {
+        /// By what the margins are multiplied.
+        factor: f32,
+        cases: u32,
+        seed: u64,
+    }
+
+    impl Kernel for Doubtful {
+        type Output = Tally;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> Tally {
+            let mut dice = Dice(ChaCha8Rng::seed_from_u64(self.seed));
+            let mut tally = Tally::default();
+            let cube = BoundingBox { min: DVec3::splat(-1.0), max: DVec3::ONE };
+            for case in 0..self.cases {
+                // The scene is moved and scaled, so that single precision has something to round.
+                let (scale, shift) = (dice.pick([1.0, 0.3, 1e4]), dice.point() * dice.pick([0.0, 1.0, 1e3]));
+                let place = |p: DVec3| scale * (p + shift);
+                let frame = Frame::of(&BoundingBox { min: place(cube.min), max: place(cube.max) });
+                let size = dice.pick([1.0, 0.1, 1e-2, 1e-3]);
+                let eye = match case % 3 {
+                    0 => dice.point(),
+                    1 => 3.0 * dice.point(),
+                    _ => 50.0 * dice.point(),
+                };
+                let offset = dice.pick([0.0, 1e-8, -1e-8, 1e-7, -1e-7, 1e-6, -1e-6, 1e-4, -1e-2]);
+                let (target, triangle, sphere) = if case % 2 == 0 {
+                    let a = dice.point() * 0.9;
+                    let corners = [a, a + size * 0.1 * dice.point(), a + size * 0.1 * dice.point()];
+                    let w = dice.unit();
+                    let edge = corners[1] + w * (corners[2] - corners[1]);
+                    let target = edge + offset * (corners[0] - edge);
+                    (target, Some(Triangle::new(place(corners[0]), place(corners[1]), place(corners[2]))), None)
+                } else {
+                    let (center, radius) = (0.7 * dice.point(), 0.3 * size);
+                    let across = unit((center - eye).cross(dice.point())).unwrap_or(DVec3::X);
+                    let target = center + (1.0 + offset) * radius * across;
+                    (target, None, Some(Sphere::new(place(center), scale * radius)))
+                };
+                let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
+                // Sometimes the span ends about there.
+                let distance = (place(target) - place(eye)).length();
+                let end = dice.pick([f64::INFINITY, distance, distance * (1.0 + 1e-7), distance * (1.0 - 1e-7)]);
+                let span = Span { start: dice.pick([0.0, distance * (1.0 - 1e-7)]), end };
+                let Some(cull) = CullRay::new(&frame, &ray, span) else {
+                    tally.lost += 1;
+                    continue;
+                };
+                let mut leaf = LeafRay::new(simd, &cull, &ray, true);
+                leaf.unit *= self.factor;
+                let probe = Probe::new(Scalar, &ray, span, true);
+                let (found, exact) = if let Some(triangle) = triangle {
+                    let mut block = TriangleBlock::<8>::EMPTY;
+                    let mut wide = TriangleBlock::<16>::EMPTY;
+                    let vertices = triangle.vertices().map(|vertex| frame.point(vertex).to_array());
+                    block.set(3, vertices);
+                    wide.set(3, vertices);
+                    let end = cull.end(span.end);
+                    let found = if S::F32::LANES == 16 {
+                        wide.intervals(&leaf, end, u32::MAX, u32::MAX)
+                    } else {
+                        block.intervals(&leaf, end, u32::MAX, u32::MAX)
+                    };
+                    (found, triangle.intersect(&probe, Sides::Both, None))
+                } else if let Some(sphere) = sphere {
+                    let mut block = SphereBlock::<8>::EMPTY;
+                    let mut wide = SphereBlock::<16>::EMPTY;
+                    let center = frame.point(sphere.center()).to_array();
+                    block.set(3, center, sphere.radius() * frame.scale);
+                    wide.set(3, center, sphere.radius() * frame.scale);
+                    let end = cull.end(span.end);
+                    let found = if S::F32::LANES == 16 {
+                        wide.intervals(&leaf, end, u32::MAX, u32::MAX)
+                    } else {
+                        block.intervals(&leaf, end, u32::MAX, u32::MAX)
+                    };
+                    (found, sphere.intersect(&probe, Sides::Both, None))
+                } else {
+                    continue;
+                };
+                assert_eq!((found.possible | found.sure).bits() & !8, 0, "an empty lane is never hit");
+                let (possible, sure) = (found.possible.bits() != 0, found.sure.bits() != 0);
+                assert!(possible || !sure);
+                tally.hits += u32::from(exact.is_some());
+                tally.unsure += u32::from(possible && !sure);
+                tally.lost += u32::from(exact.is_some() && !possible);
+                tally.false_sure += u32::from(exact.is_none() && sure);
+                if let Some(t) = exact
+                    && possible
+                {
+                    let (low, high) = (found.low.lane(3), found.high.lane(3));
+                    let is_within = low <= cull.end(t) && (!sure || high >= cull.below(t));
+                    tally.out_of_interval += u32::from(!is_within);
+                }
+            }
+            tally
+        }
+    }
+
+    #[test]
+    fn no_hit_is_lost_and_no_sure_one_is_none() {
+        for &backend in Backend::available() {
+            let tally = backend.run(Doubtful { factor: 1.0, cases: 100_000, seed: 1 });
+            assert_eq!((tally.lost, tally.false_sure, tally.out_of_interval), (0, 0, 0), "{backend}: {tally:?}");
+            assert!(tally.hits > 10_000 && tally.unsure > 1_000, "{backend}: {tally:?}");
+        }
+    }
+
+    #[test]
+    fn without_the_margins_hits_are_lost() {
+        for &backend in Backend::available() {
+            let tally = backend.run(Doubtful { factor: 0.0, cases: 100_000, seed: 1 });
+            assert!(tally.lost > 0 && tally.false_sure > 0 && tally.out_of_interval > 0, "{backend}: {tally:?}");
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! A wide bounding volume hierarchy with exact, repeatable double-precision hits.
+//!
+//! Boxes are culled in single precision, in lanes, with margins that are derived so that no hit is lost; what is hit
+//! is decided by the `f64` tests of [`rayset_geometry`]. So every answer has the bits of a loop over all primitives, on
+//! any backend and for any number of threads.
+//!
+//! ```
+//! use rayset_bvh::Hierarchy;
+//! use rayset_geometry::{Primitive, Ray, Sides, Span, Sphere, glam::DVec3};
+//!
+//! let spheres: Vec<Primitive> =
+//!     (1..=100).map(|i| Sphere::new(DVec3::new(0.0, 0.0, 5.0 * f64::from(i)), 1.0).into()).collect();
+//! let hierarchy = Hierarchy::new(spheres.iter().map(|sphere| (sphere, Sides::Both)));
+//!
+//! let hit = hierarchy.nearest(&Ray::new(DVec3::ZERO, DVec3::Z), Span::FORWARD).unwrap();
+//! assert_eq!((hit.t, hit.primitive), (4.0, 0));
+//! ```
+
+mod build;
+mod frame;
+mod hierarchy;
+mod interval;
+mod node;
+mod ray;
+mod shapes;
+mod traverse;
+
+pub use hierarchy::{Hierarchy, Scratch};
+pub use interval::{SPHERE_MARGIN, VERTEX_MARGIN};
+pub use ray::SLAB_MARGIN;
+pub use shapes::Hit;
+pub use traverse::Steps;
+
+/// The examples of the readme, compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

@@ -1,0 +1,87 @@
+//! The nodes of a wide tree.
+
+use crate::frame::CullBox;
+
+/// How far an empty slot's box is turned inside out: finite, so that no product with it is NaN.
+const NOWHERE: f32 = 1e18;
+
+/// The bit of a child that says that it is a leaf.
+const LEAF: u32 = 1 << 31;
+
+/// A child: another node, or a leaf.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+pub(crate) struct Child(pub(crate) u32);
+
+impl Child {
+    pub(crate) fn node(index: usize) -> Self {
+        Self(checked(index))
+    }
+
+    pub(crate) fn leaf(index: usize) -> Self {
+        Self(checked(index) | LEAF)
+    }
+
+    #[inline(always)]
+    pub(crate) fn is_leaf(self) -> bool {
+        self.0 & LEAF != 0
+    }
+
+    #[inline(always)]
+    pub(crate) fn index(self) -> usize {
+        (self.0 & !LEAF) as usize
+    }
+}
+
+/// An index of 31 bits.
+fn checked(index: usize) -> u32 {
+    u32::try_from(index).ok().filter(|index| index & LEAF == 0).expect("at most 2^31 nodes or leaves")
+}
+
+/// `W` boxes and what they hold.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Node<const W: usize> {
+    /// Lower x, y, z, then upper x, y, z, in culling space.
+    pub(crate) planes: [[f32; W]; 6],
+    pub(crate) children: [u32; W],
+}
+
+impl<const W: usize> Node<W> {
+    /// A node without children: no ray meets its boxes.
+    pub(crate) const EMPTY: Self = Self {
+        planes: [[NOWHERE; W], [NOWHERE; W], [NOWHERE; W], [-NOWHERE; W], [-NOWHERE; W], [-NOWHERE; W]],
+        children: [LEAF; W],
+    };
+
+    pub(crate) fn set(&mut self, slot: usize, bounds: &CullBox, child: Child) {
+        for k in 0..3 {
+            self.planes[k][slot] = bounds.low[k];
+            self.planes[3 + k][slot] = bounds.high[k];
+        }
+        self.children[slot] = child.0;
+    }
+}
+
+/// A tree over leaves that somebody else keeps.
+#[derive(Clone, Debug)]
+pub(crate) struct Tree<const W: usize> {
+    /// The first is the root; never empty.
+    pub(crate) nodes: Vec<Node<W>>,
+    /// The longest way from the root to a leaf, in nodes.
+    pub(crate) depth: usize,
+}
+
+impl<const W: usize> Tree<W> {
+    /// Gives the leaves other numbers.
+    pub(crate) fn relabel_leaves(&mut self, labels: &[u32]) {
+        for child in self.nodes.iter_mut().flat_map(|node| &mut node.children) {
+            // An empty slot has the number of a leaf that is never met.
+            if Child(*child).is_leaf()
+                && let Some(&label) = labels.get(Child(*child).index())
+            {
+                *child = Child::leaf(label as usize).0;
+            }
+        }
+    }
+}

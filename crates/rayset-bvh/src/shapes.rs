@@ -1,0 +1,391 @@
+//! The primitives of a hierarchy, in the order of its leaves.
+
+use std::ops::Range;
+
+use rayset_geometry::glam::DVec3;
+use rayset_geometry::{
+    ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
+};
+use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
+
+use crate::frame::Frame;
+use crate::interval::{Intervals, LeafRay, SphereBlock, TriangleBlock};
+use crate::ray::CullRay;
+
+/// What is hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The distance along the ray, in world units.
+    pub t: f64,
+    /// The number of the primitive, in the order in which the hierarchy was given them.
+    pub primitive: u32,
+}
+
+impl Hit {
+    /// Whether this hit comes before another in the order `(t, primitive)`.
+    #[inline(always)]
+    fn precedes(&self, other: &Self) -> bool {
+        self.t < other.t || (self.t.total_cmp(&other.t).is_eq() && self.primitive < other.primitive)
+    }
+}
+
+/// Primitives of one kind and visibility in a leaf.
+#[derive(Clone, Debug)]
+struct Run {
+    kind: PrimitiveKind,
+    sides: Sides,
+    /// Whether the leaf goes on with the next run.
+    goes_on: bool,
+    len: u16,
+    /// The index of the first among those of its kind.
+    first: u32,
+    /// The index of the block, of a sphere or triangle.
+    block: u32,
+}
+
+/// Primitives of any shape, each with the sides it can be hit from.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Shapes<const W: usize> {
+    runs: Vec<Run>,
+    sphere_blocks: Vec<SphereBlock<W>>,
+    triangle_blocks: Vec<TriangleBlock<W>>,
+    spheres: Vec<Sphere>,
+    triangles: Vec<Triangle>,
+    /// Polygons and cones.
+    columns: PrimitiveColumns,
+    /// The number of each primitive of a kind.
+    numbers: [Vec<u32>; 4],
+    /// Where each primitive went.
+    places: Vec<(PrimitiveKind, u32)>,
+}
+
+/// A ray prepared for the leaves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Prepared<S: Simd> {
+    leaf: LeafRay<S>,
+    one: Probe<Scalar>,
+    lanes: Probe<S>,
+    departure: Option<Departure>,
+}
+
+/// The nearest hit so far: known to lie in an interval, or exactly.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Nearest {
+    None,
+    /// A sure hit of the primitive of a kind and index, visible from these sides: no hit before `low`.
+    Between { low: f32, kind: PrimitiveKind, index: u32, sides: Sides },
+    At(Hit),
+}
+
+impl<const W: usize> Shapes<W> {
+    /// Puts primitives in the order of leaves; returns for each leaf its first run.
+    pub(crate) fn arrange(
+        frame: &Frame,
+        source: &PrimitiveColumns,
+        items: &[(PrimitiveKind, u32, Sides)],
+        order: impl Fn(usize) -> u32,
+        leaves: &[Range<u32>],
+    ) -> (Self, Vec<u32>) {
+        let mut shapes =
+            Self { places: vec![(PrimitiveKind::Sphere, 0); items.len()], ..Self::default() };
+        let mut members = Vec::new();
+        let mut leaf_runs = Vec::with_capacity(leaves.len());
+        for leaf in leaves {
+            members.clear();
+            members.extend(leaf.clone().map(|i| order(i as usize)));
+            // By kind and sides for long runs; by number within, since the least number wins a tie.
+            members.sort_unstable_by_key(|&number| {
+                let (kind, _, sides) = items[number as usize];
+                (kind as u8, sides as u8, number)
+            });
+            leaf_runs.push(index_of(shapes.runs.len()));
+            for run in members.chunk_by(|&a, &b| {
+                let key = |number: u32| (items[number as usize].0, items[number as usize].2);
+                key(a) == key(b)
+            }) {
+                shapes.push_run(frame, source, items, run);
+            }
+            if let Some(last) = shapes.runs.last_mut() {
+                last.goes_on = false;
+            }
+        }
+        (shapes, leaf_runs)
+    }
+
+    fn push_run(
+        &mut self,
+        frame: &Frame,
+        source: &PrimitiveColumns,
+        items: &[(PrimitiveKind, u32, Sides)],
+        members: &[u32],
+    ) {
+        let (kind, _, sides) = items[members[0] as usize];
+        let first = index_of(self.numbers[kind as usize].len());
+        let block = match kind {
+            PrimitiveKind::Sphere => self.sphere_blocks.len(),
+            PrimitiveKind::Triangle => self.triangle_blocks.len(),
+            PrimitiveKind::Polygon | PrimitiveKind::Cone => 0,
+        };
+        let len = u16::try_from(members.len()).expect("a leaf is small");
+        self.runs.push(Run { kind, sides, goes_on: true, len, first, block: index_of(block) });
+        match kind {
+            PrimitiveKind::Sphere => self.sphere_blocks.push(SphereBlock::EMPTY),
+            PrimitiveKind::Triangle => self.triangle_blocks.push(TriangleBlock::EMPTY),
+            PrimitiveKind::Polygon | PrimitiveKind::Cone => {}
+        }
+        for (lane, &number) in members.iter().enumerate() {
+            let (_, index, _) = items[number as usize];
+            match kind {
+                PrimitiveKind::Sphere => {
+                    let sphere = source.sphere(index);
+                    let center = frame.point(sphere.center()).to_array();
+                    self.sphere_blocks[block].set(lane, center, sphere.radius() * frame.scale);
+                    self.spheres.push(sphere);
+                }
+                PrimitiveKind::Triangle => {
+                    let triangle = source.triangle(index);
+                    let place = |vertex: &DVec3| frame.point(*vertex).to_array();
+                    let [a, b, c] = triangle.vertices();
+                    self.triangle_blocks[block].set(lane, [place(a), place(b), place(c)]);
+                    self.triangles.push(triangle);
+                }
+                PrimitiveKind::Polygon | PrimitiveKind::Cone => {
+                    self.columns.push_from(source, kind, index, sides);
+                }
+            }
+            self.places[number as usize] = (kind, first + index_of(lane));
+            self.numbers[kind as usize].push(number);
+        }
+    }
+
+    /// Prepares a ray that leaves a primitive into one of its sides, or none.
+    #[inline(always)]
+    pub(crate) fn prepare<S: Simd>(
+        &self,
+        simd: S,
+        cull: &CullRay,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+    ) -> Prepared<S> {
+        let (triangles, polygons) =
+            (!self.triangles.is_empty(), !self.numbers[PrimitiveKind::Polygon as usize].is_empty());
+        let departure = match from {
+            None => None,
+            Some((primitive, side)) => {
+                let (kind, index) = self.places[primitive as usize];
+                Some(Departure { kind, index, side })
+            }
+        };
+        Prepared {
+            leaf: LeafRay::new(simd, cull, ray, triangles),
+            one: Probe::new(Scalar, ray, span, triangles),
+            lanes: Probe::new(simd, ray, span, polygons),
+            departure,
+        }
+    }
+
+    /// The lanes of a run whose front, and whose back, may be hit.
+    #[inline(always)]
+    fn allowed(run: &Run, departure: Option<Departure>) -> (u32, u32) {
+        let all = u32::MAX >> (32 - W);
+        let mut front = if run.sides == Sides::Back { 0 } else { all };
+        let mut back = if run.sides == Sides::Front { 0 } else { all };
+        if let Some(departure) = departure
+            && departure.kind == run.kind
+            && departure.index.wrapping_sub(run.first) < u32::from(run.len)
+        {
+            let left = 1 << (departure.index - run.first);
+            front &= !left;
+            if departure.side == Side::Front || run.kind == PrimitiveKind::Triangle {
+                back &= !left;
+            }
+        }
+        (front, back)
+    }
+
+    /// The exact distance to a sphere or triangle.
+    #[inline(always)]
+    fn exact<S: Simd>(&self, ray: &Prepared<S>, kind: PrimitiveKind, index: u32, sides: Sides) -> Option<f64> {
+        let departure = match ray.departure {
+            Some(departure) if departure.kind == kind && departure.index == index => Some(departure.side),
+            _ => None,
+        };
+        match kind {
+            PrimitiveKind::Sphere => self.spheres[index as usize].intersect(&ray.one, sides, departure),
+            _ => self.triangles[index as usize].intersect(&ray.one, sides, departure),
+        }
+    }
+
+    #[inline(always)]
+    fn intervals<S: Simd>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> Intervals<S> {
+        let (front, back) = Self::allowed(run, ray.departure);
+        match run.kind {
+            PrimitiveKind::Sphere => {
+                self.sphere_blocks[run.block as usize].intervals(&ray.leaf, end, front, back)
+            }
+            _ => self.triangle_blocks[run.block as usize].intervals(&ray.leaf, end, front, back),
+        }
+    }
+
+    /// The hit that was known by an interval only.
+    #[inline(always)]
+    pub(crate) fn resolve<S: Simd>(&self, ray: &Prepared<S>, nearest: Nearest) -> Option<Hit> {
+        match nearest {
+            Nearest::None => None,
+            Nearest::At(hit) => Some(hit),
+            Nearest::Between { kind, index, sides, .. } => {
+                let t = self.exact(ray, kind, index, sides);
+                debug_assert!(t.is_some(), "a sure hit is one");
+                let primitive = self.numbers[kind as usize][index as usize];
+                t.map(|t| Hit { t, primitive })
+            }
+        }
+    }
+
+    /// Keeps the nearest of a hit and those in a leaf; `end` is where the span ends for what is still to be found.
+    #[inline(always)]
+    pub(crate) fn nearest<S: Simd>(
+        &self,
+        first_run: usize,
+        ray: &Prepared<S>,
+        cull: &CullRay,
+        nearest: &mut Nearest,
+        end: &mut f32,
+        tests: &mut u64,
+    ) {
+        let mut i = first_run;
+        loop {
+            let run = &self.runs[i];
+            *tests += u64::from(run.len);
+            match run.kind {
+                PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
+                    self.nearest_in_block(run, ray, cull, nearest, end);
+                }
+                PrimitiveKind::Polygon | PrimitiveKind::Cone => {
+                    if let Some(hit) = self.columns.nearest(&ray.lanes, &run.columns(), ray.departure) {
+                        let primitive = self.numbers[run.kind as usize][hit.index as usize];
+                        self.offer(ray, cull, nearest, end, Hit { t: hit.t, primitive });
+                    }
+                }
+            }
+            if !run.goes_on {
+                return;
+            }
+            i += 1;
+        }
+    }
+
+    #[inline(always)]
+    fn nearest_in_block<S: Simd>(
+        &self,
+        run: &Run,
+        ray: &Prepared<S>,
+        cull: &CullRay,
+        nearest: &mut Nearest,
+        end: &mut f32,
+    ) {
+        let found = self.intervals(run, ray, *end);
+        let mut bits = found.possible.bits();
+        if bits == 0 {
+            return;
+        }
+        let sure = found.sure.bits();
+        let (mut lows, mut highs) = ([0.0; W], [0.0; W]);
+        found.low.store(&mut lows);
+        found.high.store(&mut highs);
+        while bits != 0 {
+            let lane = bits.trailing_zeros();
+            bits &= bits - 1;
+            let (low, high) = (lows[lane as usize], highs[lane as usize]);
+            if low > *end {
+                continue;
+            }
+            let index = run.first + lane;
+            let is_sure = sure >> lane & 1 == 1;
+            let before = match nearest {
+                Nearest::None => true,
+                Nearest::Between { low, .. } => high < *low,
+                Nearest::At(hit) => high < cull.below(hit.t),
+            };
+            if is_sure && before {
+                *nearest = Nearest::Between { low, kind: run.kind, index, sides: run.sides };
+                *end = high;
+            } else if let Some(t) = self.exact(ray, run.kind, index, run.sides) {
+                let primitive = self.numbers[run.kind as usize][index as usize];
+                self.offer(ray, cull, nearest, end, Hit { t, primitive });
+            }
+        }
+    }
+
+    /// Keeps the nearer of an exact hit and the nearest so far.
+    #[inline(always)]
+    fn offer<S: Simd>(&self, ray: &Prepared<S>, cull: &CullRay, nearest: &mut Nearest, end: &mut f32, hit: Hit) {
+        let hit = match self.resolve(ray, *nearest) {
+            Some(best) if !hit.precedes(&best) => best,
+            _ => hit,
+        };
+        *nearest = Nearest::At(hit);
+        *end = cull.end(hit.t);
+    }
+
+    /// Whether anything in a leaf is hit.
+    #[inline(always)]
+    pub(crate) fn any<S: Simd>(&self, first_run: usize, ray: &Prepared<S>, end: f32, tests: &mut u64) -> bool {
+        let mut i = first_run;
+        loop {
+            let run = &self.runs[i];
+            *tests += u64::from(run.len);
+            let is_hit = match run.kind {
+                PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block(run, ray, end),
+                PrimitiveKind::Polygon | PrimitiveKind::Cone => {
+                    self.columns.any(&ray.lanes, &run.columns(), ray.departure).is_some()
+                }
+            };
+            if is_hit || !run.goes_on {
+                return is_hit;
+            }
+            i += 1;
+        }
+    }
+
+    #[inline(always)]
+    fn any_in_block<S: Simd>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> bool {
+        let found = self.intervals(run, ray, end);
+        if found.sure.any() {
+            return true;
+        }
+        let mut bits = found.possible.bits();
+        while bits != 0 {
+            let lane = bits.trailing_zeros();
+            bits &= bits - 1;
+            if self.exact(ray, run.kind, run.first + lane, run.sides).is_some() {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// How many bytes the primitives take.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&self.runs[..])
+            + size_of_val(&self.sphere_blocks[..])
+            + size_of_val(&self.triangle_blocks[..])
+            + size_of_val(&self.spheres[..])
+            + size_of_val(&self.triangles[..])
+            + size_of_val(&self.places[..])
+            + self.numbers.iter().map(|numbers| size_of_val(&numbers[..])).sum::<usize>()
+            + self.columns.bytes()
+    }
+}
+
+impl Run {
+    #[inline(always)]
+    fn columns(&self) -> ColumnRun {
+        ColumnRun { kind: self.kind, sides: self.sides, range: self.first..self.first + u32::from(self.len) }
+    }
+}
+
+fn index_of(len: usize) -> u32 {
+    u32::try_from(len).expect("fewer than 2^32 primitives")
+}

@@ -1,0 +1,220 @@
+//! Registers of 256 bits: four `f64` or eight `f32`.
+
+use std::arch::x86_64::*;
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+
+use crate::{CullLanes, LaneMask, Lanes, Simd};
+
+/// The backend of AVX2 with FMA, BMI and LZCNT.
+///
+/// Exists only where the machine has these instructions: [`Backend::run`](crate::Backend::run) makes it.
+#[derive(Clone, Copy, Debug)]
+pub struct Avx2(pub(crate) ());
+
+macro_rules! register_mask {
+    ($mask:ident($vector:ty), $lanes:ident, $and:path, $or:path, $xor:path, $movemask:path, $ones:expr) => {
+        #[doc = concat!("A mask over [`", stringify!($lanes), "`]: all bits of a set lane are ones.")]
+        #[derive(Clone, Copy, Debug)]
+        #[repr(transparent)]
+        pub struct $mask(pub(super) $vector);
+
+        impl LaneMask for $mask {
+            #[inline(always)]
+            fn bits(self) -> u32 {
+                // SAFETY: see `register_lanes`; the same for the others. The result has a bit a lane.
+                (unsafe { $movemask(self.0) }).cast_unsigned()
+            }
+        }
+
+        impl BitAnd for $mask {
+            type Output = Self;
+            #[inline(always)]
+            fn bitand(self, other: Self) -> Self {
+                // SAFETY: see `register_lanes`.
+                Self(unsafe { $and(self.0, other.0) })
+            }
+        }
+
+        impl BitOr for $mask {
+            type Output = Self;
+            #[inline(always)]
+            fn bitor(self, other: Self) -> Self {
+                // SAFETY: see `register_lanes`.
+                Self(unsafe { $or(self.0, other.0) })
+            }
+        }
+
+        impl Not for $mask {
+            type Output = Self;
+            #[inline(always)]
+            fn not(self) -> Self {
+                // SAFETY: see `register_lanes`.
+                Self(unsafe { $xor(self.0, $ones) })
+            }
+        }
+    };
+}
+
+register_mask!(
+    Avx2M64(__m256d),
+    Avx2F64,
+    _mm256_and_pd,
+    _mm256_or_pd,
+    _mm256_xor_pd,
+    _mm256_movemask_pd,
+    _mm256_castsi256_pd(_mm256_set1_epi64x(-1))
+);
+register_mask!(
+    Avx2M32(__m256),
+    Avx2F32,
+    _mm256_and_ps,
+    _mm256_or_ps,
+    _mm256_xor_ps,
+    _mm256_movemask_ps,
+    _mm256_castsi256_ps(_mm256_set1_epi32(-1))
+);
+
+register_lanes! {
+    /// A register of four `f64` lanes.
+    Avx2F64(__m256d), Avx2M64, f64 x 4,
+    add: _mm256_add_pd, sub: _mm256_sub_pd, mul: _mm256_mul_pd, div: _mm256_div_pd, sqrt: _mm256_sqrt_pd,
+    min: _mm256_min_pd, max: _mm256_max_pd, store: _mm256_storeu_pd,
+    neg: |a| _mm256_xor_pd(a, _mm256_set1_pd(-0.0)),
+    abs: |a| _mm256_andnot_pd(_mm256_set1_pd(-0.0), a),
+    lt: |a, b| _mm256_cmp_pd::<_CMP_LT_OQ>(a, b),
+    le: |a, b| _mm256_cmp_pd::<_CMP_LE_OQ>(a, b),
+    eq: |a, b| _mm256_cmp_pd::<_CMP_EQ_OQ>(a, b),
+    select: |mask, a, b| _mm256_blendv_pd(b, a, mask),
+}
+
+register_lanes! {
+    /// A register of eight `f32` lanes.
+    Avx2F32(__m256), Avx2M32, f32 x 8,
+    add: _mm256_add_ps, sub: _mm256_sub_ps, mul: _mm256_mul_ps, div: _mm256_div_ps, sqrt: _mm256_sqrt_ps,
+    min: _mm256_min_ps, max: _mm256_max_ps, store: _mm256_storeu_ps,
+    neg: |a| _mm256_xor_ps(a, _mm256_set1_ps(-0.0)),
+    abs: |a| _mm256_andnot_ps(_mm256_set1_ps(-0.0), a),
+    lt: |a, b| _mm256_cmp_ps::<_CMP_LT_OQ>(a, b),
+    le: |a, b| _mm256_cmp_ps::<_CMP_LE_OQ>(a, b),
+    eq: |a, b| _mm256_cmp_ps::<_CMP_EQ_OQ>(a, b),
+    select: |mask, a, b| _mm256_blendv_ps(b, a, mask),
+}
+
+/// For each mask of eight lanes, the permutation that moves its set lanes to the front.
+static FRONT: [[u32; 8]; 256] = {
+    let mut table = [[0; 8]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut lane, mut front) = (0_u32, 0);
+        while lane < 8 {
+            if mask >> lane & 1 == 1 {
+                table[mask][front] = lane;
+                front += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+};
+
+/// Where the set lanes of a mask come from when they are moved to the front.
+#[inline(always)]
+fn front(mask: Avx2M32) -> __m256i {
+    let lanes: &[u32; 8] = &FRONT[mask.bits() as usize & 0xff];
+    // SAFETY: see `register_lanes`; the array holds a register.
+    unsafe { _mm256_loadu_si256(lanes.as_ptr().cast()) }
+}
+
+impl CullLanes for Avx2F32 {
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        // SAFETY: see `register_lanes`.
+        Self(unsafe { _mm256_fmadd_ps(self.0, factor.0, term.0) })
+    }
+
+    #[inline(always)]
+    fn compress(self, mask: Avx2M32, out: &mut [f32]) {
+        let out = &mut out[..8];
+        // SAFETY: see `register_lanes`; the slice holds a register.
+        unsafe { _mm256_storeu_ps(out.as_mut_ptr(), _mm256_permutevar8x32_ps(self.0, front(mask))) }
+    }
+}
+
+impl Simd for Avx2 {
+    type F64 = Avx2F64;
+    type F32 = Avx2F32;
+
+    #[inline(always)]
+    fn splat_f64(self, value: f64) -> Avx2F64 {
+        // SAFETY: see `register_lanes`; the same for the others.
+        Avx2F64(unsafe { _mm256_set1_pd(value) })
+    }
+
+    #[inline(always)]
+    fn load_f64(self, values: &[f64]) -> Avx2F64 {
+        let values = &values[..4];
+        // SAFETY: the slice holds a register.
+        Avx2F64(unsafe { _mm256_loadu_pd(values.as_ptr()) })
+    }
+
+    #[inline(always)]
+    fn mask_f64(self, bits: u32) -> Avx2M64 {
+        // SAFETY: see `register_lanes`.
+        Avx2M64(unsafe {
+            let lanes = _mm256_setr_epi64x(1, 2, 4, 8);
+            let bits = _mm256_set1_epi64x(i64::from(bits));
+            _mm256_castsi256_pd(_mm256_cmpeq_epi64(_mm256_and_si256(bits, lanes), lanes))
+        })
+    }
+
+    #[inline(always)]
+    fn splat_f32(self, value: f32) -> Avx2F32 {
+        // SAFETY: see `register_lanes`.
+        Avx2F32(unsafe { _mm256_set1_ps(value) })
+    }
+
+    #[inline(always)]
+    fn load_f32(self, values: &[f32]) -> Avx2F32 {
+        let values = &values[..8];
+        // SAFETY: the slice holds a register.
+        Avx2F32(unsafe { _mm256_loadu_ps(values.as_ptr()) })
+    }
+
+    #[inline(always)]
+    fn mask_f32(self, bits: u32) -> Avx2M32 {
+        // SAFETY: see `register_lanes`.
+        Avx2M32(unsafe {
+            let lanes = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let bits = _mm256_set1_epi32(bits.cast_signed());
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(bits, lanes), lanes))
+        })
+    }
+
+    #[inline(always)]
+    fn compress_u32(self, mask: Avx2M32, values: &[u32], out: &mut [u32]) {
+        let (values, out) = (&values[..8], &mut out[..8]);
+        // SAFETY: both slices hold a register.
+        unsafe {
+            let values = _mm256_loadu_si256(values.as_ptr().cast());
+            _mm256_storeu_si256(out.as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(values, front(mask)));
+        }
+    }
+}
+
+/// Runs a kernel compiled for this backend.
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+pub(crate) fn run<K: crate::Kernel>(kernel: K) -> K::Output {
+    kernel.run(Avx2(()))
+}
+
+/// Whether the machine has the instructions.
+#[inline]
+pub(crate) fn is_available() -> bool {
+    is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("bmi1")
+        && is_x86_feature_detected!("bmi2")
+        && is_x86_feature_detected!("lzcnt")
+        && is_x86_feature_detected!("popcnt")
+}

@@ -1,0 +1,166 @@
+//! Registers of 512 bits: eight `f64` or sixteen `f32`, with masks in registers of their own.
+
+use std::arch::x86_64::*;
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+
+use crate::{CullLanes, LaneMask, Lanes, Simd};
+
+/// The backend of AVX-512 (F, BW, DQ and VL).
+///
+/// Exists only where the machine has these instructions: [`Backend::run`](crate::Backend::run) makes it.
+#[derive(Clone, Copy, Debug)]
+pub struct Avx512(pub(crate) ());
+
+macro_rules! bit_mask {
+    ($mask:ident, $bits:ident, $lanes:ident) => {
+        #[doc = concat!("A mask over [`", stringify!($lanes), "`]: one bit a lane.")]
+        #[derive(Clone, Copy, Debug)]
+        #[repr(transparent)]
+        pub struct $mask(pub(super) $bits);
+
+        impl LaneMask for $mask {
+            #[inline(always)]
+            fn bits(self) -> u32 {
+                u32::from(self.0)
+            }
+        }
+
+        impl BitAnd for $mask {
+            type Output = Self;
+            #[inline(always)]
+            fn bitand(self, other: Self) -> Self {
+                Self(self.0 & other.0)
+            }
+        }
+
+        impl BitOr for $mask {
+            type Output = Self;
+            #[inline(always)]
+            fn bitor(self, other: Self) -> Self {
+                Self(self.0 | other.0)
+            }
+        }
+
+        impl Not for $mask {
+            type Output = Self;
+            #[inline(always)]
+            fn not(self) -> Self {
+                Self(!self.0)
+            }
+        }
+    };
+}
+
+bit_mask!(Avx512M64, u8, Avx512F64);
+bit_mask!(Avx512M32, u16, Avx512F32);
+
+register_lanes! {
+    /// A register of eight `f64` lanes.
+    Avx512F64(__m512d), Avx512M64, f64 x 8,
+    add: _mm512_add_pd, sub: _mm512_sub_pd, mul: _mm512_mul_pd, div: _mm512_div_pd, sqrt: _mm512_sqrt_pd,
+    min: _mm512_min_pd, max: _mm512_max_pd, store: _mm512_storeu_pd,
+    neg: |a| _mm512_xor_pd(a, _mm512_set1_pd(-0.0)),
+    abs: |a| _mm512_andnot_pd(_mm512_set1_pd(-0.0), a),
+    lt: |a, b| _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b),
+    le: |a, b| _mm512_cmp_pd_mask::<_CMP_LE_OQ>(a, b),
+    eq: |a, b| _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(a, b),
+    select: |mask, a, b| _mm512_mask_blend_pd(mask, b, a),
+}
+
+register_lanes! {
+    /// A register of sixteen `f32` lanes.
+    Avx512F32(__m512), Avx512M32, f32 x 16,
+    add: _mm512_add_ps, sub: _mm512_sub_ps, mul: _mm512_mul_ps, div: _mm512_div_ps, sqrt: _mm512_sqrt_ps,
+    min: _mm512_min_ps, max: _mm512_max_ps, store: _mm512_storeu_ps,
+    neg: |a| _mm512_xor_ps(a, _mm512_set1_ps(-0.0)),
+    abs: |a| _mm512_andnot_ps(_mm512_set1_ps(-0.0), a),
+    lt: |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b),
+    le: |a, b| _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b),
+    eq: |a, b| _mm512_cmp_ps_mask::<_CMP_EQ_OQ>(a, b),
+    select: |mask, a, b| _mm512_mask_blend_ps(mask, b, a),
+}
+
+impl CullLanes for Avx512F32 {
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        // SAFETY: see `register_lanes`.
+        Self(unsafe { _mm512_fmadd_ps(self.0, factor.0, term.0) })
+    }
+
+    #[inline(always)]
+    fn compress(self, mask: Avx512M32, out: &mut [f32]) {
+        let out = &mut out[..16];
+        // SAFETY: see `register_lanes`. Compressing in a register and storing it whole is several times faster than
+        // the instruction that compresses into memory.
+        unsafe { _mm512_storeu_ps(out.as_mut_ptr(), _mm512_maskz_compress_ps(mask.0, self.0)) }
+    }
+}
+
+impl Simd for Avx512 {
+    type F64 = Avx512F64;
+    type F32 = Avx512F32;
+
+    #[inline(always)]
+    fn splat_f64(self, value: f64) -> Avx512F64 {
+        // SAFETY: see `register_lanes`; the same for the others.
+        Avx512F64(unsafe { _mm512_set1_pd(value) })
+    }
+
+    #[inline(always)]
+    fn load_f64(self, values: &[f64]) -> Avx512F64 {
+        let values = &values[..8];
+        // SAFETY: the slice holds a register.
+        Avx512F64(unsafe { _mm512_loadu_pd(values.as_ptr()) })
+    }
+
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "higher bits are ignored")]
+    fn mask_f64(self, bits: u32) -> Avx512M64 {
+        Avx512M64(bits as u8)
+    }
+
+    #[inline(always)]
+    fn splat_f32(self, value: f32) -> Avx512F32 {
+        // SAFETY: see `register_lanes`.
+        Avx512F32(unsafe { _mm512_set1_ps(value) })
+    }
+
+    #[inline(always)]
+    fn load_f32(self, values: &[f32]) -> Avx512F32 {
+        let values = &values[..16];
+        // SAFETY: the slice holds a register.
+        Avx512F32(unsafe { _mm512_loadu_ps(values.as_ptr()) })
+    }
+
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "higher bits are ignored")]
+    fn mask_f32(self, bits: u32) -> Avx512M32 {
+        Avx512M32(bits as u16)
+    }
+
+    #[inline(always)]
+    fn compress_u32(self, mask: Avx512M32, values: &[u32], out: &mut [u32]) {
+        let (values, out) = (&values[..16], &mut out[..16]);
+        // SAFETY: both slices hold a register.
+        unsafe {
+            let values = _mm512_loadu_si512(values.as_ptr().cast());
+            _mm512_storeu_si512(out.as_mut_ptr().cast(), _mm512_maskz_compress_epi32(mask.0, values));
+        }
+    }
+}
+
+/// Runs a kernel compiled for this backend.
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+pub(crate) fn run<K: crate::Kernel>(kernel: K) -> K::Output {
+    kernel.run(Avx512(()))
+}
+
+/// Whether the machine has the instructions.
+#[inline]
+pub(crate) fn is_available() -> bool {
+    super::avx2::is_available()
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vl")
+}
