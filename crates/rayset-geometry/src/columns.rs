@@ -134,7 +134,7 @@ impl PrimitiveColumns {
     pub fn normal_at(&self, kind: PrimitiveKind, index: u32, point: DVec3) -> DVec3 {
         let i = index as usize;
         match kind {
-            PrimitiveKind::Sphere => self.sphere(i).normal_at(point),
+            PrimitiveKind::Sphere => self.sphere(index).normal_at(point),
             PrimitiveKind::Triangle => self.triangle(index).normal(),
             PrimitiveKind::Polygon => self.polygon_normals[i],
             PrimitiveKind::Cone => {
@@ -156,7 +156,14 @@ impl PrimitiveColumns {
         Triangle::new(vertex(0), vertex(1), vertex(2))
     }
 
-    fn sphere(&self, i: usize) -> Sphere {
+    /// A sphere.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such sphere.
+    #[must_use]
+    pub fn sphere(&self, index: u32) -> Sphere {
+        let i = index as usize;
         let [x, y, z, radius] = &self.spheres;
         Sphere::new(DVec3::new(x[i], y[i], z[i]), radius[i])
     }

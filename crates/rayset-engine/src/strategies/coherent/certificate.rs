@@ -1,10 +1,13 @@
 //! Certificates: a pencil of rays, and the few volumes that such rays can meet.
 
-use rayset_geometry::{Pencil, PencilLanes};
-use rayset_scene::{PrimitiveId, Scene, VolumeId};
+use rayset_geometry::{
+    ColumnRun, Pencil, PencilGate, PencilLanes, PrimitiveKind, Ray, Side, Sides, Span, Sphere,
+};
+use rayset_scene::{ObjectId, PrimitiveId, Scene, VolumeId};
 use rayset_simd::{Lanes, Scalar, Simd};
 
 use super::condition::{Condition, Omitted};
+use crate::{Hit, Originating};
 
 /// The most volumes that are tested for every ray beside the predicted one.
 pub(super) const MAX_GUESTS: usize = 4;
@@ -20,28 +23,124 @@ pub(super) fn build_cost(scene: &Scene) -> u64 {
     2 * (scene.volumes().len() as u64 + 2 * (MAX_IN_THE_WAY as u64 + 1) * REACHES.len() as u64)
 }
 
-/// A proof about all rays of a pencil: beside the predicted volume and the guests they meet nothing.
-#[derive(Clone, Copy, Debug)]
+/// The most volumes that are tested for a ray: the predicted one and the guests.
+pub(super) const MAX_VOLUMES: usize = MAX_GUESTS + 1;
+
+/// A proof about all rays of a pencil: beside a few volumes they meet nothing.
+///
+/// What most rays need stands first, and stands here: a coherent ray reads this and nothing of the scene.
+#[derive(Clone, Debug)]
+#[repr(C)]
 pub(super) struct Certificate {
-    /// The rays, and how far along them the proof goes.
-    pub(super) pencil: Pencil,
-    /// The volume whose contents the formative ray hit; `None` if nothing was.
-    pub(super) predicted: Option<VolumeId>,
+    gate: PencilGate,
+    /// How far along its rays the proof goes, in world units.
+    pub(super) length: f64,
     /// A primitive that was left out since the ray that leaves it cannot meet it again: the proof holds only for rays
     /// that leave it on the same side.
-    pub(super) excluded: Option<PrimitiveId>,
-    guests: [VolumeId; MAX_GUESTS],
-    n_guests: u8,
+    excluded: Option<PrimitiveId>,
+    n_volumes: u8,
+    is_of_spheres: bool,
+    /// The contents of the volumes, if each of them is one sphere.
+    spheres: [Option<LoneSphere>; MAX_VOLUMES],
+    /// The one whose contents the formative ray hit, if it did, and the guests.
+    volumes: [VolumeId; MAX_VOLUMES],
+    pub(super) pencil: Pencil,
 }
 
 impl Certificate {
-    /// The volumes to be tested for every ray: the predicted one and the guests.
+    fn new(scene: &Scene, omitted: Omitted, pencil: Pencil, plan: &Plan, guests: &[VolumeId]) -> Self {
+        let predicted = plan.predicted.filter(|_| !omitted.is(Condition::Predicted));
+        let guests = if omitted.is(Condition::Guests) { &[] } else { guests };
+        let mut certificate = Self {
+            gate: omitted.pencil_of_rays(pencil).gate(),
+            length: pencil.length,
+            excluded: plan.excluded.map(|(primitive, _)| primitive),
+            n_volumes: 0,
+            is_of_spheres: true,
+            spheres: [None; MAX_VOLUMES],
+            volumes: [VolumeId(0); MAX_VOLUMES],
+            pencil,
+        };
+        for (i, volume) in predicted.iter().chain(guests).enumerate() {
+            certificate.volumes[i] = *volume;
+            certificate.spheres[i] = LoneSphere::of(scene, *volume);
+            certificate.is_of_spheres &= certificate.spheres[i].is_some();
+            certificate.n_volumes += 1;
+        }
+        certificate
+    }
+
+    /// The volumes to be tested for every ray.
     #[inline(always)]
-    pub(super) fn volumes(&self, omitted: Omitted) -> impl Iterator<Item = VolumeId> + use<> {
-        let guests = self.guests;
-        let n_guests = if omitted.is(Condition::Guests) { 0 } else { self.n_guests };
-        let predicted = self.predicted.filter(|_| !omitted.is(Condition::Predicted));
-        predicted.into_iter().chain(guests.into_iter().take(usize::from(n_guests)))
+    pub(super) fn volumes(&self) -> &[VolumeId] {
+        &self.volumes[..usize::from(self.n_volumes).min(MAX_VOLUMES)]
+    }
+
+    /// The contents of the volumes to be tested, if each is one sphere.
+    #[inline(always)]
+    pub(super) fn spheres(&self) -> Option<impl Iterator<Item = &LoneSphere>> {
+        let spheres = &self.spheres[..usize::from(self.n_volumes).min(MAX_VOLUMES)];
+        self.is_of_spheres.then(|| spheres.iter().flatten())
+    }
+
+    /// Whether a ray belongs to the pencil, and leaves what the proof left out.
+    #[inline(always)]
+    pub(super) fn admits(&self, ray: &Ray, originating: Option<Originating>, omitted: Omitted) -> bool {
+        let leaves_it = |excluded: PrimitiveId| {
+            omitted.is(Condition::ExcludedIsLeft)
+                || originating.is_some_and(|o| o.primitive == excluded && is_left(&o, omitted))
+        };
+        self.gate.admits(ray) && self.excluded.is_none_or(leaves_it)
+    }
+}
+
+/// Whether a ray cannot meet the primitive it leaves again: see [`Departure`](rayset_geometry::Departure).
+#[inline(always)]
+pub(super) fn is_left(originating: &Originating, omitted: Omitted) -> bool {
+    originating.side == Side::Front || omitted.is(Condition::ExcludedFront)
+}
+
+/// Whether a volume holds one primitive.
+#[inline(always)]
+pub(super) fn is_single(scene: &Scene, volume: VolumeId) -> bool {
+    matches!(scene.volume_runs(volume), [run] if run.range.end - run.range.start == 1)
+}
+
+/// A sphere that is alone in its volume, and all that a hit of it needs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LoneSphere {
+    sphere: Sphere,
+    sides: Sides,
+    object: ObjectId,
+    primitive: PrimitiveId,
+}
+
+impl LoneSphere {
+    fn of(scene: &Scene, volume: VolumeId) -> Option<Self> {
+        match scene.volume_runs(volume) {
+            [run] if run.range.end - run.range.start == 1 => Self::of_run(scene, run),
+            _ => None,
+        }
+    }
+
+    /// The sphere that a run of one holds, if it does.
+    pub(super) fn of_run(scene: &Scene, run: &ColumnRun) -> Option<Self> {
+        let primitive = scene.primitive_id(run.kind, run.range.start);
+        let volume = scene.location(primitive).volume;
+        (run.kind == PrimitiveKind::Sphere).then(|| Self {
+            sphere: scene.primitives().sphere(run.range.start),
+            sides: run.sides,
+            object: scene.volume_object(volume),
+            primitive,
+        })
+    }
+
+    /// Where a ray hits it.
+    #[inline(always)]
+    pub(super) fn hit(&self, ray: &Ray, span: Span, originating: Option<Originating>) -> Option<Hit> {
+        let departure = originating.filter(|left| left.primitive == self.primitive).map(|left| left.side);
+        let t = self.sphere.intersect(ray, span, self.sides, departure)?;
+        Some(Hit { t, object: self.object, primitive: self.primitive })
     }
 }
 
@@ -155,13 +254,8 @@ impl Builder {
         for (guest, &(_, volume)) in guests.iter_mut().zip(&self.in_the_way[..n_guests]) {
             *guest = volume;
         }
-        Some(Certificate {
-            pencil: plan.pencil(REACHES[level]),
-            predicted: plan.predicted,
-            excluded: plan.excluded.map(|(primitive, _)| primitive),
-            guests,
-            n_guests: u8::try_from(n_guests).unwrap_or(0),
-        })
+        let pencil = plan.pencil(REACHES[level]);
+        Some(Certificate::new(scene, omitted, pencil, plan, &guests[..n_guests]))
     }
 }
 

@@ -11,6 +11,7 @@
 mod certificate;
 mod condition;
 mod credit;
+mod question;
 mod retained;
 mod worker;
 
@@ -22,11 +23,11 @@ use self::certificate::build_cost;
 #[cfg(feature = "mutations")]
 pub use self::condition::Condition;
 use self::condition::Omitted;
+use self::question::{Hidden, Nearest};
 use self::retained::Slots;
-use self::worker::Worker;
+use self::worker::{Asked, Worker};
 use super::standard::Standard;
-use crate::strategy::LaneTracer;
-use crate::{Hit, IntersectionStrategy, RayQuery, Recording, ShadowQuery, Stats, Tracer};
+use crate::{Hit, IntersectionStrategy, RayKind, RayQuery, Recording, ShadowQuery, Stats, Tracer};
 
 /// In smaller scenes nothing is certified: squares of distances that underflow are off by up to 2^-537 as distances, which
 /// is far below the margin of a certificate only if that is above 2^-524.
@@ -104,7 +105,7 @@ impl IntersectionStrategy for Coherent<'_> {
         Box::new(CoherentTracer {
             backend: self.backend,
             recording,
-            worker: Worker::new(self.scene, loan, self.omitted),
+            worker: Worker::new(self.scene, loan, recording == Recording::PerQuery, self.omitted),
             slots: Slots::default(),
             light_slots: Slots::default(),
         })
@@ -119,54 +120,27 @@ struct CoherentTracer<'s> {
     light_slots: Slots,
 }
 
-impl LaneTracer for CoherentTracer<'_> {
+impl Tracer for CoherentTracer<'_> {
     #[inline(always)]
-    fn nearest_on<S: Simd>(&mut self, simd: S, query: &RayQuery) -> Option<Hit> {
-        let worker = &mut self.worker;
-        let probe = Probe::new(simd, &query.ray, query.span, worker.scene.primitives().is_flat());
-        let state = self.slots.at(u64::from(query.slot.0));
-        worker.tested.clear();
-        match worker.follow(state, query.slot.kind(), &probe, query.originating) {
-            Some(hit) => hit,
-            None => self.partition(query),
-        }
+    fn nearest(&mut self, query: &RayQuery) -> Option<Hit> {
+        self.nearest_hit(query)
     }
 
     #[inline(always)]
-    fn occluded_on<S: Simd>(&mut self, simd: S, query: &ShadowQuery) -> bool {
-        let worker = &mut self.worker;
-        let probe = Probe::new(simd, &query.ray, query.span, worker.scene.primitives().is_flat());
-        let originating = Some(query.originating);
-        let state = self.light_slots.at(light_place(worker.scene, query));
-        worker.tested.clear();
-        if state.was_blocked && worker.is_still_blocked(state, &probe, originating) {
-            return true;
-        }
-        let (axis, length) = light_axis(worker.scene, query);
-        if let Some(blocked) = worker.follow_to_light(state, &axis, length, &probe, originating) {
-            return blocked;
-        }
-        if !state.was_blocked && worker.is_still_blocked(state, &probe, originating) {
-            state.was_blocked = true;
-            return true;
-        }
-        self.partition_to_light(query)
+    fn occluded(&mut self, query: &ShadowQuery) -> bool {
+        self.is_hidden(query)
     }
 
-    fn lane_stats(&self) -> &Stats {
+    fn stats(&self) -> &Stats {
         &self.worker.stats
     }
 
-    fn lane_recording(&self) -> Recording {
+    fn recording(&self) -> Recording {
         self.recording
     }
 
-    fn lane_certificate_radius(&self) -> f64 {
+    fn certificate_radius(&self) -> f64 {
         self.worker.certificate_radius
-    }
-
-    fn backend(&self) -> Backend {
-        self.backend
     }
 }
 
@@ -188,57 +162,114 @@ fn light_axis(scene: &Scene, query: &ShadowQuery) -> (Ray, f64) {
 }
 
 impl CoherentTracer<'_> {
-    /// What no certificate answers; a call of its own, so that the way of a coherent ray is short.
-    #[inline(never)]
-    fn partition(&mut self, query: &RayQuery) -> Option<Hit> {
-        self.backend.run(PartitionRay { tracer: self, query })
+    /// The way of a coherent ray is short and takes no lanes; all else is a call.
+    #[inline(always)]
+    fn nearest_hit(&mut self, query: &RayQuery) -> Option<Hit> {
+        let state = self.slots.at(u64::from(query.slot.0));
+        let RayQuery { originating, span, ref ray, .. } = *query;
+        let asked = Asked { axis: ray, ray, span, originating };
+        let mut question = Nearest::default();
+        match self.worker.serve(state, query.slot.kind(), &asked, &mut question) {
+            None => question.hit,
+            Some(first) => self.nearest_hit_beyond(first, query, question),
+        }
     }
 
-    /// What neither a certificate nor the last blocker answers.
+    /// As [`CoherentTracer::nearest_hit`].
+    #[inline(always)]
+    fn is_hidden(&mut self, query: &ShadowQuery) -> bool {
+        let worker = &mut self.worker;
+        let state = self.light_slots.at(light_place(worker.scene, query));
+        let (axis, length) = light_axis(worker.scene, query);
+        let ShadowQuery { originating, span, ref ray, .. } = *query;
+        let asked = Asked { axis: &axis, ray, span, originating: Some(originating) };
+        if state.was_blocked && worker.is_still_blocked(state, &asked) {
+            return true;
+        }
+        let mut question = Hidden { length, blocker: None };
+        match worker.serve(state, RayKind::Shadow, &asked, &mut question) {
+            None if question.blocker.is_none() => false,
+            None => {
+                state.blocker = question.blocker;
+                true
+            }
+            Some(first) => self.is_hidden_beyond(first, query, question),
+        }
+    }
+
+    /// What the certificate that served last does not answer.
     #[inline(never)]
-    fn partition_to_light(&mut self, query: &ShadowQuery) -> bool {
-        self.backend.run(PartitionLightRay { tracer: self, query })
+    fn nearest_hit_beyond(&mut self, first: usize, query: &RayQuery, question: Nearest) -> Option<Hit> {
+        self.backend.run(NearestBeyond { tracer: self, first, query, question })
+    }
+
+    /// As [`CoherentTracer::nearest_hit_beyond`].
+    #[inline(never)]
+    fn is_hidden_beyond(&mut self, first: usize, query: &ShadowQuery, question: Hidden) -> bool {
+        self.backend.run(HiddenBeyond { tracer: self, first, query, question })
     }
 }
 
-struct PartitionRay<'a, 's> {
+struct NearestBeyond<'a, 's> {
     tracer: &'a mut CoherentTracer<'s>,
+    first: usize,
     query: &'a RayQuery,
+    question: Nearest,
 }
 
-impl Kernel for PartitionRay<'_, '_> {
+impl Kernel for NearestBeyond<'_, '_> {
     type Output = Option<Hit>;
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Option<Hit> {
-        let (worker, query) = (&mut self.tracer.worker, self.query);
-        let probe = Probe::new(simd, &query.ray, query.span, worker.scene.primitives().is_flat());
-        let hit = worker.partition(simd, &probe, query.originating);
-        worker.learn(simd, self.tracer.slots.at(u64::from(query.slot.0)), query, hit);
-        hit
+        let (worker, mut question) = (&mut self.tracer.worker, self.question);
+        let RayQuery { slot, originating, span, ref ray, .. } = *self.query;
+        let probe = Probe::new(simd, ray, span, worker.scene.primitives().is_flat());
+        let state = self.tracer.slots.at(u64::from(slot.0));
+        let asked = Asked { axis: ray, ray, span, originating };
+        if !worker.follow(state, self.first, slot.kind(), &asked, &probe, &mut question) {
+            worker.partition(simd, &probe, originating, &mut question);
+            worker.learn(simd, state, self.query, question.hit);
+        }
+        question.hit
     }
 }
 
-struct PartitionLightRay<'a, 's> {
+struct HiddenBeyond<'a, 's> {
     tracer: &'a mut CoherentTracer<'s>,
+    first: usize,
     query: &'a ShadowQuery,
+    question: Hidden,
 }
 
-impl Kernel for PartitionLightRay<'_, '_> {
+impl Kernel for HiddenBeyond<'_, '_> {
     type Output = bool;
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
-        let (worker, query) = (&mut self.tracer.worker, self.query);
-        let probe = Probe::new(simd, &query.ray, query.span, worker.scene.primitives().is_flat());
-        let blocker = worker.partition_to_light(simd, &probe, Some(query.originating));
-        let state = self.tracer.light_slots.at(light_place(worker.scene, query));
-        state.was_blocked = blocker.is_some();
+        let (worker, mut question) = (&mut self.tracer.worker, self.question);
+        let ShadowQuery { originating, span, ref ray, .. } = *self.query;
+        let probe = Probe::new(simd, ray, span, worker.scene.primitives().is_flat());
+        let (axis, length) = light_axis(worker.scene, self.query);
+        let state = self.tracer.light_slots.at(light_place(worker.scene, self.query));
+        let asked = Asked { axis: &axis, ray, span, originating: Some(originating) };
+        if worker.follow(state, self.first, RayKind::Shadow, &asked, &probe, &mut question) {
+            let is_hidden = question.blocker.is_some();
+            if is_hidden {
+                state.blocker = question.blocker;
+            }
+            return is_hidden;
+        }
+        if !state.was_blocked && worker.is_still_blocked(state, &asked) {
+            state.was_blocked = true;
+            return true;
+        }
+        worker.partition(simd, &probe, asked.originating, &mut question);
+        state.was_blocked = question.blocker.is_some();
         if state.was_blocked {
-            state.blocker = blocker;
+            state.blocker = question.blocker;
         } else {
-            let (axis, length) = light_axis(worker.scene, query);
-            worker.learn_light(simd, state, query, &axis, length);
+            worker.learn_light(simd, state, self.query, &axis, length);
         }
         state.was_blocked
     }

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use rayset_geometry::{ColumnRun, Ray};
-use rayset_scene::VolumeId;
+use rayset_scene::{Scene, VolumeId};
 
-use super::certificate::Certificate;
+use super::certificate::{Certificate, LoneSphere};
 use crate::RaySetIndex;
 
 /// How many certificates a slot keeps: those of the surfaces that take turns along a row.
@@ -43,11 +43,27 @@ impl Step {
     }
 }
 
+/// A primitive that hid a light.
+#[derive(Clone, Debug)]
+pub(super) enum Blocker {
+    Sphere(LoneSphere),
+    /// Of one primitive.
+    Run(ColumnRun),
+}
+
+impl Blocker {
+    pub(super) fn of_run(scene: &Scene, run: ColumnRun) -> Self {
+        LoneSphere::of_run(scene, &run).map_or(Self::Run(run), Self::Sphere)
+    }
+}
+
 /// The state of a slot, or of a slot and a light.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SlotState {
-    /// The certificates, the one that served last first.
-    pub(super) ways: Vec<Certificate>,
+    /// The certificates; which of them served last says `order`.
+    ways: Vec<Certificate>,
+    /// The places of the certificates in `ways`, the one that served last first.
+    order: [usize; N_WAYS],
     /// How many rays the certificates have served since one was built last.
     pub(super) n_served: u32,
     pub(super) last: Option<Last>,
@@ -56,18 +72,30 @@ pub(super) struct SlotState {
     pub(super) skip: u32,
     /// How many to leave out when the next one does not serve either, as a power of two.
     pub(super) caution: u32,
-    /// The primitive that hid the light last, as a run of one.
-    pub(super) blocker: Option<ColumnRun>,
+    /// The primitive that hid the light last.
+    pub(super) blocker: Option<Blocker>,
     /// Whether the last light ray was blocked.
     pub(super) was_blocked: bool,
 }
 
 impl SlotState {
-    /// The certificate of a way has served.
+    /// How many certificates there are.
     #[inline(always)]
-    pub(super) fn serve(&mut self, way: usize) {
-        if way > 0 {
-            self.ways[..=way].rotate_right(1);
+    pub(super) fn n_ways(&self) -> usize {
+        self.ways.len()
+    }
+
+    /// A certificate, by how long it has not served.
+    #[inline(always)]
+    pub(super) fn way(&self, rank: usize) -> Option<&Certificate> {
+        self.ways.get(self.order[rank])
+    }
+
+    /// The certificate of a rank has served.
+    #[inline(always)]
+    pub(super) fn serve(&mut self, rank: usize) {
+        if rank > 0 {
+            self.order[..=rank].rotate_right(1);
         }
         self.n_served += 1;
     }
@@ -113,8 +141,14 @@ impl SlotState {
 
     /// Keeps a certificate in place of the one that has not served longest.
     pub(super) fn keep(&mut self, certificate: Certificate) {
-        self.ways.truncate(N_WAYS - 1);
-        self.ways.insert(0, certificate);
+        let rank = self.ways.len().min(N_WAYS - 1);
+        if rank == self.ways.len() {
+            self.order[rank] = rank;
+            self.ways.push(certificate);
+        } else {
+            self.ways[self.order[rank]] = certificate;
+        }
+        self.order[..=rank].rotate_right(1);
         self.n_served = 0;
     }
 
