@@ -15,8 +15,8 @@ mod question;
 mod retained;
 mod worker;
 
-use rayset_geometry::{Probe, Ray};
-use rayset_scene::Scene;
+use rayset_geometry::{Probe, Ray, Span};
+use rayset_scene::{LightId, Scene};
 use rayset_simd::{Backend, Kernel, Simd};
 
 use self::certificate::build_cost;
@@ -27,7 +27,12 @@ use self::question::{Hidden, Nearest};
 use self::retained::Slots;
 use self::worker::{Asked, Worker};
 use super::standard::Standard;
-use crate::{Hit, IntersectionStrategy, RayKind, RayQuery, Recording, ShadowQuery, Stats, Tracer};
+use crate::query::Columns;
+use crate::strategy::Before;
+use crate::{
+    Answers, Generation, Hit, IntersectionStrategy, Originating, RayKind, RayQuery, Recording,
+    ShadowGeneration, ShadowQuery, Slot, Stats, Tracer,
+};
 
 /// In smaller scenes nothing is certified: squares of distances that underflow are off by up to 2^-537 as distances, which
 /// is far below the margin of a certificate only if that is above 2^-524.
@@ -121,14 +126,15 @@ struct CoherentTracer<'s> {
 }
 
 impl Tracer for CoherentTracer<'_> {
-    #[inline(always)]
     fn nearest(&mut self, query: &RayQuery) -> Option<Hit> {
-        self.nearest_hit(query)
+        let mut hit = None;
+        self.find_nearest(query.slot, &query.ray, query.span, query.originating, &mut hit, || *query);
+        hit
     }
 
-    #[inline(always)]
     fn occluded(&mut self, query: &ShadowQuery) -> bool {
-        self.is_hidden(query)
+        let originating = Some(query.originating);
+        self.is_hidden((query.slot, query.light), &query.ray, query.span, originating, || *query)
     }
 
     fn stats(&self) -> &Stats {
@@ -142,47 +148,91 @@ impl Tracer for CoherentTracer<'_> {
     fn certificate_radius(&self) -> f64 {
         self.worker.certificate_radius
     }
+
+    fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
+        let columns = Columns::of(generation);
+        let first = answers.values.len();
+        answers.values.resize(first + generation.len(), None);
+        for (i, answer) in answers.values[first..].iter_mut().enumerate() {
+            let before = Before::of(self);
+            let (ray, span) = (columns.ray(i), columns.span(i));
+            self.find_nearest(columns.slots[i], &ray, span, columns.originating[i], answer, || {
+                generation.query(i)
+            });
+            before.record(self, &mut answers.work);
+        }
+    }
+
+    fn occluded_bundle(&mut self, generation: &ShadowGeneration, answers: &mut Answers<bool>) {
+        let columns = Columns::of(generation.rays());
+        let lights = &generation.lights()[..generation.len()];
+        let first = answers.values.len();
+        answers.values.resize(first + generation.len(), false);
+        for (i, answer) in answers.values[first..].iter_mut().enumerate() {
+            let before = Before::of(self);
+            let originating = columns.originating[i];
+            let (ray, span) = (columns.ray(i), columns.span(i));
+            *answer = self
+                .is_hidden((columns.slots[i], lights[i]), &ray, span, originating, || generation.query(i));
+            before.record(self, &mut answers.work);
+        }
+    }
 }
 
 /// The state of a slot and a light.
 #[inline(always)]
-fn light_place(scene: &Scene, query: &ShadowQuery) -> u64 {
-    u64::from(query.slot.0) * scene.lights().len() as u64 + u64::from(query.light.0)
+fn light_place(scene: &Scene, slot: Slot, light: LightId) -> u64 {
+    u64::from(slot.0) * scene.lights().len() as u64 + u64::from(light.0)
 }
 
 /// A ray to a light as certificates see it, and its length.
 ///
 /// Rays to a point light all end there: seen from it they are a pencil without spread.
 #[inline(always)]
-fn light_axis(scene: &Scene, query: &ShadowQuery) -> (Ray, f64) {
-    match scene.light(query.light).position() {
-        Some(position) => (Ray::new(position, -query.ray.direction()), query.span.end + query.span.start),
-        None => (query.ray, f64::INFINITY),
+fn light_axis(scene: &Scene, light: LightId, ray: &Ray, span: Span) -> (Ray, f64) {
+    match scene.light(light).position() {
+        Some(position) => (Ray::new(position, -ray.direction()), span.end + span.start),
+        None => (*ray, f64::INFINITY),
     }
 }
 
 impl CoherentTracer<'_> {
-    /// The way of a coherent ray is short and takes no lanes; all else is a call.
+    /// The way of a coherent ray is short and takes no lanes; all else is a call, which alone needs the whole query.
+    ///
+    /// The answer is written where it belongs, so that it passes through no other memory.
     #[inline(always)]
-    fn nearest_hit(&mut self, query: &RayQuery) -> Option<Hit> {
-        let state = self.slots.at(u64::from(query.slot.0));
-        let RayQuery { originating, span, ref ray, .. } = *query;
+    fn find_nearest(
+        &mut self,
+        slot: Slot,
+        ray: &Ray,
+        span: Span,
+        originating: Option<Originating>,
+        answer: &mut Option<Hit>,
+        query: impl FnOnce() -> RayQuery,
+    ) {
+        let state = self.slots.at(u64::from(slot.0));
         let asked = Asked { axis: ray, ray, span, originating };
         let mut question = Nearest::default();
-        match self.worker.serve(state, query.slot.kind(), &asked, &mut question) {
-            None => question.hit,
-            Some(first) => self.nearest_hit_beyond(first, query, question),
+        match self.worker.serve(state, slot.kind(), &asked, &mut question) {
+            None => *answer = question.hit,
+            Some(first) => self.find_nearest_beyond(first, &query(), question.hit, answer),
         }
     }
 
-    /// As [`CoherentTracer::nearest_hit`].
+    /// As [`CoherentTracer::find_nearest`].
     #[inline(always)]
-    fn is_hidden(&mut self, query: &ShadowQuery) -> bool {
+    fn is_hidden(
+        &mut self,
+        (slot, light): (Slot, LightId),
+        ray: &Ray,
+        span: Span,
+        originating: Option<Originating>,
+        query: impl FnOnce() -> ShadowQuery,
+    ) -> bool {
         let worker = &mut self.worker;
-        let state = self.light_slots.at(light_place(worker.scene, query));
-        let (axis, length) = light_axis(worker.scene, query);
-        let ShadowQuery { originating, span, ref ray, .. } = *query;
-        let asked = Asked { axis: &axis, ray, span, originating: Some(originating) };
+        let state = self.light_slots.at(light_place(worker.scene, slot, light));
+        let (axis, length) = light_axis(worker.scene, light, ray, span);
+        let asked = Asked { axis: &axis, ray, span, originating };
         if state.was_blocked && worker.is_still_blocked(state, &asked) {
             return true;
         }
@@ -193,20 +243,26 @@ impl CoherentTracer<'_> {
                 state.blocker = question.blocker;
                 true
             }
-            Some(first) => self.is_hidden_beyond(first, query, question),
+            Some(first) => self.is_hidden_beyond(first, &query()),
         }
     }
 
-    /// What the certificate that served last does not answer.
+    /// What the certificate that served last does not answer; `least` is the least hit that its volumes gave.
     #[inline(never)]
-    fn nearest_hit_beyond(&mut self, first: usize, query: &RayQuery, question: Nearest) -> Option<Hit> {
-        self.backend.run(NearestBeyond { tracer: self, first, query, question })
+    fn find_nearest_beyond(
+        &mut self,
+        first: usize,
+        query: &RayQuery,
+        least: Option<Hit>,
+        answer: &mut Option<Hit>,
+    ) {
+        *answer = self.backend.run(NearestBeyond { tracer: self, first, query, least });
     }
 
-    /// As [`CoherentTracer::nearest_hit_beyond`].
+    /// As [`CoherentTracer::find_nearest_beyond`].
     #[inline(never)]
-    fn is_hidden_beyond(&mut self, first: usize, query: &ShadowQuery, question: Hidden) -> bool {
-        self.backend.run(HiddenBeyond { tracer: self, first, query, question })
+    fn is_hidden_beyond(&mut self, first: usize, query: &ShadowQuery) -> bool {
+        self.backend.run(HiddenBeyond { tracer: self, first, query })
     }
 }
 
@@ -214,7 +270,7 @@ struct NearestBeyond<'a, 's> {
     tracer: &'a mut CoherentTracer<'s>,
     first: usize,
     query: &'a RayQuery,
-    question: Nearest,
+    least: Option<Hit>,
 }
 
 impl Kernel for NearestBeyond<'_, '_> {
@@ -222,7 +278,7 @@ impl Kernel for NearestBeyond<'_, '_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Option<Hit> {
-        let (worker, mut question) = (&mut self.tracer.worker, self.question);
+        let (worker, mut question) = (&mut self.tracer.worker, Nearest { hit: self.least });
         let RayQuery { slot, originating, span, ref ray, .. } = *self.query;
         let probe = Probe::new(simd, ray, span, worker.scene.primitives().is_flat());
         let state = self.tracer.slots.at(u64::from(slot.0));
@@ -239,7 +295,6 @@ struct HiddenBeyond<'a, 's> {
     tracer: &'a mut CoherentTracer<'s>,
     first: usize,
     query: &'a ShadowQuery,
-    question: Hidden,
 }
 
 impl Kernel for HiddenBeyond<'_, '_> {
@@ -247,11 +302,12 @@ impl Kernel for HiddenBeyond<'_, '_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
-        let (worker, mut question) = (&mut self.tracer.worker, self.question);
-        let ShadowQuery { originating, span, ref ray, .. } = *self.query;
+        let worker = &mut self.tracer.worker;
+        let ShadowQuery { slot, light, originating, span, ref ray, .. } = *self.query;
         let probe = Probe::new(simd, ray, span, worker.scene.primitives().is_flat());
-        let (axis, length) = light_axis(worker.scene, self.query);
-        let state = self.tracer.light_slots.at(light_place(worker.scene, self.query));
+        let (axis, length) = light_axis(worker.scene, light, ray, span);
+        let mut question = Hidden { length, blocker: None };
+        let state = self.tracer.light_slots.at(light_place(worker.scene, slot, light));
         let asked = Asked { axis: &axis, ray, span, originating: Some(originating) };
         if worker.follow(state, self.first, RayKind::Shadow, &asked, &probe, &mut question) {
             let is_hidden = question.blocker.is_some();
