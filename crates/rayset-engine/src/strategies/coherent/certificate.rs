@@ -18,9 +18,11 @@ const MAX_IN_THE_WAY: usize = 12;
 /// How many steps from one ray to the next a pencil is to reach, from the widest.
 pub(super) const REACHES: [f64; 3] = [32.0, 10.0, 3.0];
 
-/// The most tests that building a certificate takes: two a volume, and for those in the way two more at every reach.
+/// The most that building a certificate costs, in tests: two a volume, and for those in the way two more at every
+/// narrower reach, of which there are never more than it takes to go on to that reach.
 pub(super) fn build_cost(scene: &Scene) -> u64 {
-    2 * (scene.volumes().len() as u64 + 2 * (MAX_IN_THE_WAY as u64 + 1) * REACHES.len() as u64)
+    let narrower = (REACHES.len() * (REACHES.len() - 1) / 2) as u64;
+    2 * (scene.volumes().len() as u64 + (MAX_IN_THE_WAY as u64 + 1) * narrower)
 }
 
 /// The most volumes that are tested for a ray: the predicted one and the guests.
@@ -168,7 +170,7 @@ impl Plan {
     }
 }
 
-/// Volumes in the way of a pencil, each with the number of the first reach at which it is not.
+/// Volumes in the way of the widest pencil, each with the number of the first reach at which it is not.
 #[derive(Debug, Default)]
 pub(super) struct Builder {
     omitted: Omitted,
@@ -192,13 +194,14 @@ impl Builder {
         let axis = plan.step.axis;
         let omitted = self.omitted;
         let volumes = &*omitted.volumes(scene);
-        let pencil = |level: usize| omitted.pencil_of_volumes(plan.pencil(REACHES[level]));
-        let bounds = |volume: VolumeId| volumes.sphere(volume.index());
-        let widest = pencil(0);
-        let slack = omitted.margin() * (axis.origin().abs().max_element() + widest.spread + scene.extent());
+        let pencils = REACHES.map(|reach| omitted.pencil_of_volumes(plan.pencil(reach)));
+        let slack =
+            omitted.margin() * (axis.origin().abs().max_element() + pencils[0].spread + scene.extent());
+        let alone = pencils.each_ref().map(|pencil| PencilLanes::splat(Scalar, pencil, slack));
         let left_out = [plan.predicted, plan.excluded.map(|(_, volume)| volume)];
-        let mut level = 0;
-        let mut lanes = PencilLanes::splat(simd, &widest, slack);
+        // The widest reach that may still do, and how many volumes are in the way at every reach.
+        let (mut level, mut never) = (0, 0);
+        let mut lanes = PencilLanes::splat(simd, &pencils[0], slack);
         self.in_the_way.clear();
         *n_tested += volumes.len() as u64;
         for i in (0..volumes.len()).step_by(S::F64::LANES) {
@@ -209,45 +212,38 @@ impl Builder {
                 if left_out.contains(&Some(volume)) {
                     continue;
                 }
-                self.in_the_way.push((0, volume));
+                // At which reach does it get out of the way?
+                let sphere = volumes.sphere(volume.index());
+                let mut first_clear = level + 1;
+                while first_clear < REACHES.len() && {
+                    *n_tested += 1;
+                    !alone[first_clear].clears(&sphere)
+                } {
+                    first_clear += 1;
+                }
+                if first_clear == REACHES.len() {
+                    if omitted.is(Condition::InTheWay) {
+                        continue;
+                    }
+                    never += 1;
+                    if never > MAX_GUESTS {
+                        if !omitted.is(Condition::TooMany) {
+                            return None;
+                        }
+                        continue;
+                    }
+                }
+                self.in_the_way.push((first_clear, volume));
                 if self.in_the_way.len() > MAX_IN_THE_WAY {
                     level += 1;
-                    if level == REACHES.len() {
-                        return None;
-                    }
-                    let narrower = pencil(level);
-                    lanes = PencilLanes::splat(simd, &narrower, slack);
-                    *n_tested += self.in_the_way.len() as u64;
-                    self.in_the_way.retain(|&(_, volume)| !narrower.clears(&bounds(volume), slack));
+                    lanes = PencilLanes::splat(simd, &pencils[level], slack);
+                    self.in_the_way.retain(|&(first_clear, _)| first_clear > level);
                 }
             }
         }
-        // At which reach does each get out of the way?
-        if !self.in_the_way.is_empty() {
-            let lanes: [_; REACHES.len()] =
-                std::array::from_fn(|level| PencilLanes::splat(Scalar, &pencil(level), slack));
-            for (first_clear, volume) in &mut self.in_the_way {
-                *first_clear = level;
-                let sphere = bounds(*volume);
-                while *first_clear < REACHES.len() && !lanes[*first_clear].clears(&sphere) {
-                    *n_tested += 1;
-                    *first_clear += 1;
-                }
-            }
-        }
-        if omitted.is(Condition::InTheWay) {
-            self.in_the_way.retain(|&(first_clear, _)| first_clear < REACHES.len());
-        }
+        // One more guest than must be where that widens the pencil.
         self.in_the_way.sort_unstable_by(|a, b| b.cmp(a));
-        let never = self.in_the_way.partition_point(|&(first_clear, _)| first_clear == REACHES.len());
-        if never > MAX_GUESTS {
-            if !omitted.is(Condition::TooMany) {
-                return None;
-            }
-            self.in_the_way.drain(MAX_GUESTS..never);
-        }
         let never = never.min(MAX_GUESTS);
-        // One more guest where that widens the pencil.
         let n_guests = if never < MAX_GUESTS { (never + 1).min(self.in_the_way.len()) } else { never };
         let level = self.in_the_way.get(n_guests).map_or(level, |&(first_clear, _)| first_clear);
         let mut guests = [VolumeId(0); MAX_GUESTS];
