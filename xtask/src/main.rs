@@ -1,6 +1,7 @@
 //! The regression and statistics suite of rayset: `cargo xtask --help`.
 #![expect(clippy::print_stdout, reason = "a command prints its results")]
 
+mod bench;
 mod bless;
 mod fuzz;
 mod golden;
@@ -49,6 +50,8 @@ enum Task {
     Prove(prove::Options),
     /// Runs studies of many experiments: which reading gives Table 1, the plane of n and resolution, the cost model.
     Study(study::Options),
+    /// Measures what is worth measuring, two things always side by side.
+    Bench(bench::Options),
     /// Fuzzes the readers of OBJ, MTL, NFF and scene files.
     Fuzz(fuzz::Options),
     /// Checks the layers: which crate may depend on which, and where `unsafe` may stand.
@@ -83,6 +86,7 @@ fn run(task: &Task) -> Outcome {
         Task::Identical(options) => identical::run(options),
         Task::Prove(options) => prove::run(options),
         Task::Study(options) => study::run(options),
+        Task::Bench(options) => bench::run(options),
         Task::Fuzz(options) => fuzz::run(options),
         Task::Tidy => tidy::run(),
     }

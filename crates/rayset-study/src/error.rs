@@ -19,6 +19,12 @@ pub enum StudyError {
     /// An image could not be written.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// Strategies that are exact gave different pixels or rays.
+    #[error("strategies differ: {what}")]
+    Differs {
+        /// Where.
+        what: String,
+    },
     /// A report could not be written.
     #[error("cannot write `{path}`", path = path.display())]
     Write {

@@ -21,8 +21,10 @@ pub(super) const REACHES: [f64; 3] = [32.0, 10.0, 3.0];
 /// The most that building a certificate costs, in tests: two a volume, and for those in the way two more at every
 /// narrower reach, of which there are never more than it takes to go on to that reach.
 pub(super) fn build_cost(scene: &Scene) -> u64 {
-    let narrower = (REACHES.len() * (REACHES.len() - 1) / 2) as u64;
-    2 * (scene.volumes().len() as u64 + (MAX_IN_THE_WAY as u64 + 1) * narrower)
+    let n = scene.volumes().len() as u64;
+    let narrower = REACHES.len() as u64 - 1;
+    let most = (MAX_IN_THE_WAY as u64 + 1) * narrower * (narrower + 1) / 2;
+    2 * (n + most.min(narrower * n))
 }
 
 /// The most volumes that are tested for a ray: the predicted one and the guests.
@@ -238,6 +240,8 @@ impl Builder {
                     level += 1;
                     lanes = PencilLanes::splat(simd, &pencils[level], slack);
                     self.in_the_way.retain(|&(first_clear, _)| first_clear > level);
+                    // As if the lanes that remain were looked at only now, so that counts depend on no lanes.
+                    touched &= lanes.touched(volumes, i);
                 }
             }
         }

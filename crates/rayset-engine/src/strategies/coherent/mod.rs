@@ -19,13 +19,12 @@ use rayset_geometry::{Probe, Ray, Span};
 use rayset_scene::{LightId, Scene};
 use rayset_simd::{Backend, Kernel, Simd};
 
-use self::certificate::build_cost;
 #[cfg(feature = "mutations")]
 pub use self::condition::Condition;
 use self::condition::Omitted;
 use self::question::{Hidden, Nearest};
 use self::retained::Slots;
-use self::worker::{Asked, Worker};
+use self::worker::{Asked, Budget, Worker};
 use super::standard::Standard;
 use crate::query::Columns;
 use crate::strategy::Before;
@@ -38,8 +37,8 @@ use crate::{
 /// is far below the margin of a certificate only if that is above 2^-524.
 const LEAST_EXTENT: f64 = f64::from_bits((1023 - 480) << 52);
 
-/// A loan, in tests, that no sweep spends.
-const UNLIMITED: u64 = 1 << 50;
+/// In scenes of fewer volumes a partition makes no more tests than checking a certificate and what it asks for.
+const LEAST_VOLUMES: usize = 4;
 
 /// Retained certificates, exact.
 #[derive(Debug)]
@@ -81,11 +80,7 @@ impl<'s> Coherent<'s> {
 
     /// Whether there are so few volumes that a partition costs no more than checking a certificate.
     fn is_hopeless(&self) -> bool {
-        let least = match self.backend {
-            Backend::Scalar => 6,
-            _ => 40,
-        };
-        self.scene.volumes().len() < least
+        self.scene.volumes().len() < LEAST_VOLUMES
     }
 }
 
@@ -106,11 +101,11 @@ impl IntersectionStrategy for Coherent<'_> {
         if self.is_hopeless() && !self.is_unlimited || self.scene.extent() < LEAST_EXTENT {
             return self.standard.begin_sweep(recording);
         }
-        let loan = if self.is_unlimited { UNLIMITED } else { build_cost(self.scene) };
+        let budget = if self.is_unlimited { Budget::UNLIMITED } else { Budget::of(self.scene) };
         Box::new(CoherentTracer {
             backend: self.backend,
             recording,
-            worker: Worker::new(self.scene, loan, recording == Recording::PerQuery, self.omitted),
+            worker: Worker::new(self.scene, budget, recording == Recording::PerQuery, self.omitted),
             slots: Slots::default(),
             light_slots: Slots::default(),
         })

@@ -8,12 +8,15 @@ use super::certificate::{Builder, MAX_VOLUMES, Plan, build_cost, is_left, is_sin
 use super::condition::{Condition, Omitted};
 use super::credit::Credit;
 use super::question::Question;
-use super::retained::{Blocker, N_WAYS, SlotState};
+use super::retained::{Blocker, Last, Learns, N_WAYS, Prices, SlotState};
 use crate::strategies::partition::{Partition, departure};
 use crate::{Hit, Originating, RayKind, RayQuery, ShadowQuery, Stats};
 
 /// What checking a certificate costs, in tests.
 const CHECK: u64 = 2;
+
+/// How many certificates a sweep may build before it has earned anything.
+const LOAN: u64 = 3;
 
 /// The most that [`Worker::serve`] spends, in tests.
 const MOST_TO_SERVE: u64 = CHECK + MAX_VOLUMES as u64;
@@ -42,11 +45,30 @@ pub(super) struct Worker<'s> {
     credit: Credit,
     /// Of the scene: the tests of a partition.
     n_volumes: u64,
+    prices: Prices,
+}
+
+/// What a sweep may spend.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    /// Before anything is earned, in tests.
+    pub(super) loan: u64,
+    pub(super) prices: Prices,
+}
+
+impl Budget {
+    /// Enough for a few certificates, and prices as they are.
+    pub(super) fn of(scene: &Scene) -> Self {
+        Self { loan: LOAN * build_cost(scene), prices: Prices::of(scene.volumes().len()) }
+    }
+
+    /// More than any sweep spends.
+    pub(super) const UNLIMITED: Self = Self { loan: 1 << 50, prices: Prices::NONE };
 }
 
 impl<'s> Worker<'s> {
-    /// `loan` is what may be spent before anything is earned, in tests.
-    pub(super) fn new(scene: &'s Scene, loan: u64, is_recording: bool, omitted: Omitted) -> Self {
+    pub(super) fn new(scene: &'s Scene, budget: Budget, is_recording: bool, omitted: Omitted) -> Self {
+        let n_volumes = scene.volumes().len() as u64;
         Self {
             scene,
             tested: Vec::with_capacity(N_WAYS * MAX_VOLUMES),
@@ -56,8 +78,9 @@ impl<'s> Worker<'s> {
             partition: Partition::default(),
             omitted,
             builder: Builder::new(omitted),
-            credit: Credit::new(loan),
-            n_volumes: scene.volumes().len() as u64,
+            credit: Credit::new(budget.loan),
+            n_volumes,
+            prices: budget.prices,
         }
     }
 
@@ -255,10 +278,8 @@ impl<'s> Worker<'s> {
         hit: Option<Hit>,
     ) {
         let length = hit.map_or(f64::INFINITY, |hit| hit.t);
-        let predicted = self.volume_of(hit);
-        state.measure_step(query.ray_set, &query.ray, length, predicted);
-        state.note(query.ray_set, &query.ray, length, predicted);
-        self.build(simd, state, &query.ray, length, predicted, query.originating);
+        let seen = Last { ray_set: query.ray_set, ray: query.ray, length, predicted: self.volume_of(hit) };
+        self.build(simd, state, seen, query.originating);
     }
 
     /// Builds a certificate round an unblocked ray to a light, if that may pay.
@@ -271,9 +292,8 @@ impl<'s> Worker<'s> {
         axis: &Ray,
         length: f64,
     ) {
-        state.measure_step(query.ray_set, axis, length, None);
-        state.note(query.ray_set, axis, length, None);
-        self.build(simd, state, axis, length, None, Some(query.originating));
+        let seen = Last { ray_set: query.ray_set, ray: *axis, length, predicted: None };
+        self.build(simd, state, seen, Some(query.originating));
     }
 
     #[inline(always)]
@@ -281,17 +301,24 @@ impl<'s> Worker<'s> {
         &mut self,
         simd: S,
         state: &mut SlotState,
-        axis: &Ray,
-        length: f64,
-        predicted: Option<VolumeId>,
+        seen: Last,
         originating: Option<Originating>,
     ) {
         self.certificate_radius = 0.0;
-        let Some(step) = state.step else { return };
         let cost = build_cost(self.scene);
-        if !state.may_build() || !self.credit.pay(cost) {
+        if !self.credit.covers(cost) {
             return;
         }
+        let learns = state.learns(self.prices);
+        if learns == Learns::Nothing {
+            return;
+        }
+        state.measure_step(&seen);
+        let Last { ray: axis, length, predicted, .. } = seen;
+        state.last = Some(seen);
+        let Some(step) = state.step.filter(|_| learns == Learns::All) else { return };
+        state.pay_building(self.prices);
+        self.credit.spend(cost);
         let excluded = originating
             .filter(|left| is_left(left, self.omitted))
             .map(|left| left.primitive)
@@ -301,7 +328,7 @@ impl<'s> Worker<'s> {
                     is_single(self.scene, location.volume) || self.omitted.is(Condition::ExcludedAlone);
                 is_alone.then_some((primitive, location.volume))
             });
-        let pencil = Pencil { axis: *axis, spread: step.spread, divergence: step.divergence, length };
+        let pencil = Pencil { axis, spread: step.spread, divergence: step.divergence, length };
         let plan = Plan { step: pencil, lengthening: step.lengthening, predicted, excluded };
         let mut n_tested = 0;
         let certificate = self.builder.build(simd, self.scene, &plan, &mut n_tested);
