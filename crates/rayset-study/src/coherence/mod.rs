@@ -82,7 +82,7 @@ impl CoherencePlan {
     /// The small image: done within half a minute.
     #[must_use]
     pub fn quick() -> Self {
-        Self { cells: cells(&[64]), repetitions: 5 }
+        Self { cells: cells(&[64]), repetitions: 15 }
     }
 }
 
