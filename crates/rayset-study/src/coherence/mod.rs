@@ -76,7 +76,7 @@ impl CoherencePlan {
     /// Three resolutions and two backends: done within six minutes.
     #[must_use]
     pub fn full() -> Self {
-        Self { cells: cells(&[64, 512, 1024]), repetitions: 7 }
+        Self { cells: cells(&[64, 512, 1024]), repetitions: 13 }
     }
 
     /// The small image: done within half a minute.
