@@ -83,7 +83,7 @@ fn table1() -> Outcome {
 }
 
 /// Replaces what stands between `<!-- NAME -->` and `<!-- /NAME -->`.
-fn replace_marked(text: &str, name: &str, contents: &str) -> Result<String, String> {
+pub(crate) fn replace_marked(text: &str, name: &str, contents: &str) -> Result<String, String> {
     let (begin, end) = (format!("<!-- {name} -->\n"), format!("<!-- /{name} -->"));
     let missing = || format!("no `{}` ... `{end}` to write into", begin.trim());
     let (before, rest) = text.split_once(&begin).ok_or_else(missing)?;

@@ -1,6 +1,7 @@
 //! The regression and statistics suite of rayset: `cargo xtask --help`.
 #![expect(clippy::print_stdout, reason = "a command prints its results")]
 
+mod bench;
 mod bless;
 mod fuzz;
 mod golden;
@@ -52,6 +53,8 @@ enum Task {
     Study(study::Options),
     /// Writes one HTML file with Table 1, the map, the cost model and pictures, from what the others recorded.
     Report(report::Options),
+    /// Measures what is worth measuring, two things always side by side.
+    Bench(bench::Options),
     /// Fuzzes the readers of OBJ, MTL, NFF and scene files.
     Fuzz(fuzz::Options),
     /// Checks the layers: which crate may depend on which, and where `unsafe` may stand.
@@ -87,6 +90,7 @@ fn run(task: &Task) -> Outcome {
         Task::Prove(options) => prove::run(options),
         Task::Study(options) => study::run(options),
         Task::Report(options) => report::run(options),
+        Task::Bench(options) => bench::run(options),
         Task::Fuzz(options) => fuzz::run(options),
         Task::Tidy => tidy::run(),
     }

@@ -67,7 +67,12 @@ pub(crate) fn build<const W: usize>(
 }
 
 /// Fills a node with the best collapse of a binary subtree; returns how deep it goes.
-fn emit<const W: usize>(binary: &Binary, node: usize, tree: &mut Tree<W>, leaves: &mut Vec<Range<u32>>) -> usize {
+fn emit<const W: usize>(
+    binary: &Binary,
+    node: usize,
+    tree: &mut Tree<W>,
+    leaves: &mut Vec<Range<u32>>,
+) -> usize {
     let Binary::Inner { children, .. } = binary else { unreachable!("leaves stand in their parent's slots") };
     let mut slots = Vec::with_capacity(W);
     share(children, W, &mut slots);
@@ -209,7 +214,8 @@ fn sweep(bins: &[Bin; BINS], leaf_len: usize) -> impl Iterator<Item = (f32, usiz
         left = Bin { bounds: left.bounds.union(&bins[i - 1].bounds), count: left.count + bins[i - 1].count };
         let (right_area, right_count) = right[i];
         let is_split = left.count > 0 && right_count > 0;
-        let cost = left.bounds.half_area() * leaves(left.count, leaf_len) + right_area * leaves(right_count, leaf_len);
+        let cost = left.bounds.half_area() * leaves(left.count, leaf_len)
+            + right_area * leaves(right_count, leaf_len);
         is_split.then_some((cost, i))
     })
 }

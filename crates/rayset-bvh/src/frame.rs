@@ -81,7 +81,10 @@ pub(crate) fn round_down(value: f64) -> f32 {
 
 /// A number in single precision that is not below `value`, whose own rounding is allowed for.
 #[inline]
-#[expect(clippy::cast_possible_truncation, reason = "one step up makes up for the rounding to single precision")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "one step up makes up for the rounding to single precision"
+)]
 pub(crate) fn round_up(value: f64) -> f32 {
     (value as f32).next_up()
 }

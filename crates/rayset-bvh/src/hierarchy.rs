@@ -60,11 +60,7 @@ impl Hierarchy {
     ///
     /// If an index is not in the columns, or there are 2^31 primitives or more.
     #[must_use]
-    pub fn over(
-        columns: &PrimitiveColumns,
-        items: &[(PrimitiveKind, u32, Sides)],
-        backend: Backend,
-    ) -> Self {
+    pub fn over(columns: &PrimitiveColumns, items: &[(PrimitiveKind, u32, Sides)], backend: Backend) -> Self {
         assert!(items.len() < 1 << 31, "fewer than 2^31 primitives");
         let bounds = items
             .par_iter()
@@ -124,7 +120,9 @@ impl Hierarchy {
         scratch: &mut Scratch,
     ) -> Option<Hit> {
         match &self.width {
-            Width::Eight(wide) if S::F32::LANES == 8 => wide.nearest(simd, &self.frame, ray, span, from, scratch),
+            Width::Eight(wide) if S::F32::LANES == 8 => {
+                wide.nearest(simd, &self.frame, ray, span, from, scratch)
+            }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
                 wide.nearest(simd, &self.frame, ray, span, from, scratch)
             }
@@ -147,7 +145,9 @@ impl Hierarchy {
         scratch: &mut Scratch,
     ) -> bool {
         match &self.width {
-            Width::Eight(wide) if S::F32::LANES == 8 => wide.occluded(simd, &self.frame, ray, span, from, scratch),
+            Width::Eight(wide) if S::F32::LANES == 8 => {
+                wide.occluded(simd, &self.frame, ray, span, from, scratch)
+            }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
                 wide.occluded(simd, &self.frame, ray, span, from, scratch)
             }

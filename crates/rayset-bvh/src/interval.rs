@@ -111,7 +111,13 @@ impl<const W: usize> SphereBlock<W> {
 
     /// Where a ray hits the spheres whose `front` and `back` may be hit.
     #[inline(always)]
-    pub(crate) fn intervals<S: Simd>(&self, ray: &LeafRay<S>, end: f32, front: u32, back: u32) -> Intervals<S> {
+    pub(crate) fn intervals<S: Simd>(
+        &self,
+        ray: &LeafRay<S>,
+        end: f32,
+        front: u32,
+        back: u32,
+    ) -> Intervals<S> {
         let simd = ray.simd;
         let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
         let [cx, cy, cz] = &self.center;
@@ -141,11 +147,8 @@ impl<const W: usize> SphereBlock<W> {
         let may_enter = real & front & near_high.ge(ray.start) & near_low.le(ends);
         let may_leave = real & back & far_high.ge(ray.start) & far_low.le(ends);
         let enters = surely_real & front & near_low.gt(ray.start_above) & near_high.lt(ray.end_below);
-        let leaves = surely_real
-            & !may_enter
-            & back
-            & far_low.gt(ray.start_above)
-            & far_high.lt(ray.end_below);
+        let leaves =
+            surely_real & !may_enter & back & far_low.gt(ray.start_above) & far_high.lt(ray.end_below);
         Intervals {
             possible: may_enter | may_leave,
             sure: enters | leaves,
@@ -170,7 +173,13 @@ impl<const W: usize> TriangleBlock<W> {
 
     /// Where a ray hits the triangles whose `front` and `back` may be hit.
     #[inline(always)]
-    pub(crate) fn intervals<S: Simd>(&self, ray: &LeafRay<S>, end: f32, front: u32, back: u32) -> Intervals<S> {
+    pub(crate) fn intervals<S: Simd>(
+        &self,
+        ray: &LeafRay<S>,
+        end: f32,
+        front: u32,
+        back: u32,
+    ) -> Intervals<S> {
         let simd = ray.simd;
         let [ax, ay, az] = self.vertex(ray, 0);
         let [bx, by, bz] = self.vertex(ray, 3);
@@ -181,8 +190,8 @@ impl<const W: usize> TriangleBlock<W> {
         let size = ax.abs().max(ay.abs()).max(bx.abs().max(by.abs())).max(cx.abs().max(cy.abs()));
         let vertex_error = VERTEX_MARGIN * ray.unit;
         // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
-        let error =
-            size.mul_add(simd.splat_f32(8.0 * vertex_error), simd.splat_f32(4.0 * vertex_error * vertex_error));
+        let error = size
+            .mul_add(simd.splat_f32(8.0 * vertex_error), simd.splat_f32(4.0 * vertex_error * vertex_error));
         let least = u.min(v).min(w);
         let greatest = u.max(v).max(w);
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
@@ -295,7 +304,11 @@ mod tests {
                     let w = dice.unit();
                     let edge = corners[1] + w * (corners[2] - corners[1]);
                     let target = edge + offset * (corners[0] - edge);
-                    (target, Some(Triangle::new(place(corners[0]), place(corners[1]), place(corners[2]))), None)
+                    (
+                        target,
+                        Some(Triangle::new(place(corners[0]), place(corners[1]), place(corners[2]))),
+                        None,
+                    )
                 } else {
                     let (center, radius) = (0.7 * dice.point(), 0.3 * size);
                     let across = unit((center - eye).cross(dice.point())).unwrap_or(DVec3::X);
@@ -305,7 +318,8 @@ mod tests {
                 let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
                 // Sometimes the span ends about there.
                 let distance = (place(target) - place(eye)).length();
-                let end = dice.pick([f64::INFINITY, distance, distance * (1.0 + 1e-7), distance * (1.0 - 1e-7)]);
+                let end =
+                    dice.pick([f64::INFINITY, distance, distance * (1.0 + 1e-7), distance * (1.0 - 1e-7)]);
                 let span = Span { start: dice.pick([0.0, distance * (1.0 - 1e-7)]), end };
                 let Some(cull) = CullRay::new(&frame, &ray, span) else {
                     tally.lost += 1;
@@ -339,7 +353,7 @@ mod tests {
                     } else {
                         block.intervals(&leaf, end, u32::MAX, u32::MAX)
                     };
-                    (found, sphere.intersect(&probe, Sides::Both, None))
+                    (found, sphere.intersect(&ray, span, Sides::Both, None))
                 } else {
                     continue;
                 };
@@ -366,7 +380,11 @@ mod tests {
     fn no_hit_is_lost_and_no_sure_one_is_none() {
         for &backend in Backend::available() {
             let tally = backend.run(Doubtful { factor: 1.0, cases: 100_000, seed: 1 });
-            assert_eq!((tally.lost, tally.false_sure, tally.out_of_interval), (0, 0, 0), "{backend}: {tally:?}");
+            assert_eq!(
+                (tally.lost, tally.false_sure, tally.out_of_interval),
+                (0, 0, 0),
+                "{backend}: {tally:?}"
+            );
             assert!(tally.hits > 10_000 && tally.unsure > 1_000, "{backend}: {tally:?}");
         }
     }
@@ -375,7 +393,10 @@ mod tests {
     fn without_the_margins_hits_are_lost() {
         for &backend in Backend::available() {
             let tally = backend.run(Doubtful { factor: 0.0, cases: 100_000, seed: 1 });
-            assert!(tally.lost > 0 && tally.false_sure > 0 && tally.out_of_interval > 0, "{backend}: {tally:?}");
+            assert!(
+                tally.lost > 0 && tally.false_sure > 0 && tally.out_of_interval > 0,
+                "{backend}: {tally:?}"
+            );
         }
     }
 }

@@ -168,7 +168,9 @@ mod tests {
             assert!(cull.near_offset.iter().chain(&cull.far_offset).all(|offset| offset.is_finite()));
             assert!(meets(&cull, &frame.cull_box(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE })));
             let missing = Ray::new(ray.origin(), -DVec3::Z);
-            assert!(CullRay::new(&frame, &missing, Span::FORWARD).is_none() || !(100.0..1e12).contains(&distance));
+            assert!(
+                CullRay::new(&frame, &missing, Span::FORWARD).is_none() || !(100.0..1e12).contains(&distance)
+            );
         }
     }
 }

@@ -73,7 +73,12 @@ pub(crate) struct Prepared<S: Simd> {
 pub(crate) enum Nearest {
     None,
     /// A sure hit of the primitive of a kind and index, visible from these sides: no hit before `low`.
-    Between { low: f32, kind: PrimitiveKind, index: u32, sides: Sides },
+    Between {
+        low: f32,
+        kind: PrimitiveKind,
+        index: u32,
+        sides: Sides,
+    },
     At(Hit),
 }
 
@@ -86,8 +91,7 @@ impl<const W: usize> Shapes<W> {
         order: impl Fn(usize) -> u32,
         leaves: &[Range<u32>],
     ) -> (Self, Vec<u32>) {
-        let mut shapes =
-            Self { places: vec![(PrimitiveKind::Sphere, 0); items.len()], ..Self::default() };
+        let mut shapes = Self { places: vec![(PrimitiveKind::Sphere, 0); items.len()], ..Self::default() };
         let mut members = Vec::new();
         let mut leaf_runs = Vec::with_capacity(leaves.len());
         for leaf in leaves {
@@ -206,13 +210,21 @@ impl<const W: usize> Shapes<W> {
 
     /// The exact distance to a sphere or triangle.
     #[inline(always)]
-    fn exact<S: Simd>(&self, ray: &Prepared<S>, kind: PrimitiveKind, index: u32, sides: Sides) -> Option<f64> {
+    fn exact<S: Simd>(
+        &self,
+        ray: &Prepared<S>,
+        kind: PrimitiveKind,
+        index: u32,
+        sides: Sides,
+    ) -> Option<f64> {
         let departure = match ray.departure {
             Some(departure) if departure.kind == kind && departure.index == index => Some(departure.side),
             _ => None,
         };
         match kind {
-            PrimitiveKind::Sphere => self.spheres[index as usize].intersect(&ray.one, sides, departure),
+            PrimitiveKind::Sphere => {
+                self.spheres[index as usize].intersect(ray.one.ray(), ray.one.span(), sides, departure)
+            }
             _ => self.triangles[index as usize].intersect(&ray.one, sides, departure),
         }
     }
@@ -320,7 +332,14 @@ impl<const W: usize> Shapes<W> {
 
     /// Keeps the nearer of an exact hit and the nearest so far.
     #[inline(always)]
-    fn offer<S: Simd>(&self, ray: &Prepared<S>, cull: &CullRay, nearest: &mut Nearest, end: &mut f32, hit: Hit) {
+    fn offer<S: Simd>(
+        &self,
+        ray: &Prepared<S>,
+        cull: &CullRay,
+        nearest: &mut Nearest,
+        end: &mut f32,
+        hit: Hit,
+    ) {
         let hit = match self.resolve(ray, *nearest) {
             Some(best) if !hit.precedes(&best) => best,
             _ => hit,
@@ -331,7 +350,13 @@ impl<const W: usize> Shapes<W> {
 
     /// Whether anything in a leaf is hit.
     #[inline(always)]
-    pub(crate) fn any<S: Simd>(&self, first_run: usize, ray: &Prepared<S>, end: f32, tests: &mut u64) -> bool {
+    pub(crate) fn any<S: Simd>(
+        &self,
+        first_run: usize,
+        ray: &Prepared<S>,
+        end: f32,
+        tests: &mut u64,
+    ) -> bool {
         let mut i = first_run;
         loop {
             let run = &self.runs[i];

@@ -7,7 +7,12 @@ use rayset_geometry::{Cone, Polygon, Primitive, Ray, Side, Sides, Span, Sphere, 
 use rayset_simd::{Backend, Kernel, Simd};
 
 /// The least hit in the order `(t, primitive)`, by a loop.
-fn brute_force(primitives: &[(Primitive, Sides)], ray: &Ray, span: Span, from: Option<(u32, Side)>) -> Option<Hit> {
+fn brute_force(
+    primitives: &[(Primitive, Sides)],
+    ray: &Ray,
+    span: Span,
+    from: Option<(u32, Side)>,
+) -> Option<Hit> {
     let mut nearest: Option<Hit> = None;
     for (number, (primitive, sides)) in (0_u32..).zip(primitives) {
         let departure = from.filter(|from| from.0 == number).map(|from| from.1);
@@ -100,19 +105,17 @@ fn sides() -> impl Strategy<Value = Sides> {
 
 fn direction() -> impl Strategy<Value = DVec3> {
     let component = || prop_oneof![4 => -1.0..1.0, 1 => Just(0.0), 1 => Just(-0.0), 1 => Just(5e-324), 1 => Just(-1e-310), 1 => Just(1e-19)];
-    (component(), component(), component())
-        .prop_map(|(x, y, z)| unit(dvec3(x, y, z)).unwrap_or(DVec3::NEG_Z))
+    (component(), component(), component()).prop_map(|(x, y, z)| unit(dvec3(x, y, z)).unwrap_or(DVec3::NEG_Z))
 }
 
 fn ray() -> impl Strategy<Value = (DVec3, DVec3, f64, f64, Option<(prop::sample::Index, bool)>)> {
     let far = prop_oneof![4 => Just(1.0), 1 => Just(3.0), 1 => Just(100.0), 1 => Just(1e6)];
     let end = prop_oneof![2 => Just(f64::INFINITY), 1 => 0.0..3.0];
-    (any_point(), far, direction(), end, prop::option::of((any::<prop::sample::Index>(), any::<bool>()))).prop_map(
-        |(origin, far, direction, end, from)| {
+    (any_point(), far, direction(), end, prop::option::of((any::<prop::sample::Index>(), any::<bool>())))
+        .prop_map(|(origin, far, direction, end, from)| {
             // From far away, along the ray: so that it may still hit.
             (origin - (far - 1.0) * direction, direction, far - 1.0, end, from)
-        },
-    )
+        })
 }
 
 proptest! {
@@ -156,7 +159,12 @@ fn moved(primitive: &Primitive, place: impl Fn(DVec3) -> DVec3, scale: f64) -> P
             None => Sphere::new(place(p.vertices()[0]), 0.1 * scale).into(),
         },
         Primitive::Cone(c) => {
-            match Cone::new(place(c.base()), scale * c.base_radius(), place(c.apex()), scale * c.apex_radius()) {
+            match Cone::new(
+                place(c.base()),
+                scale * c.base_radius(),
+                place(c.apex()),
+                scale * c.apex_radius(),
+            ) {
                 Some(cone) => cone.into(),
                 None => Sphere::new(place(c.base()), 0.1 * scale).into(),
             }

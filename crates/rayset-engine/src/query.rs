@@ -255,6 +255,44 @@ impl Generation {
     }
 }
 
+/// The columns of a generation, cut to one length, for loops that want few of them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Columns<'a> {
+    pub(crate) slots: &'a [Slot],
+    origins: [&'a [f64]; 3],
+    directions: [&'a [f64]; 3],
+    starts: &'a [f64],
+    ends: &'a [f64],
+    pub(crate) originating: &'a [Option<Originating>],
+}
+
+impl<'a> Columns<'a> {
+    #[inline(always)]
+    pub(crate) fn of(generation: &'a Generation) -> Self {
+        let n = generation.len();
+        let cut = |[x, y, z]: &'a [Vec<f64>; 3]| [&x[..n], &y[..n], &z[..n]];
+        Self {
+            slots: &generation.slots[..n],
+            origins: cut(&generation.origins),
+            directions: cut(&generation.directions),
+            starts: &generation.starts[..n],
+            ends: &generation.ends[..n],
+            originating: &generation.originating[..n],
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn ray(&self, i: usize) -> Ray {
+        let vector = |[x, y, z]: [&[f64]; 3]| DVec3::new(x[i], y[i], z[i]);
+        Ray::new(vector(self.origins), vector(self.directions))
+    }
+
+    #[inline(always)]
+    pub(crate) fn span(&self, i: usize) -> Span {
+        Span { start: self.starts[i], end: self.ends[i] }
+    }
+}
+
 /// The light rays of one level of a bundle of trees, as columns.
 ///
 /// Within each pair of slot and light they stand in increasing order of ray-sets.

@@ -82,11 +82,11 @@ pub trait Tracer {
 }
 
 /// What a tracer had done before a query, if the query's work is recorded.
-struct Before(Option<(Work, u64)>);
+pub(crate) struct Before(Option<(Work, u64)>);
 
 impl Before {
     #[inline(always)]
-    fn of<T: Tracer + ?Sized>(tracer: &T) -> Self {
+    pub(crate) fn of<T: Tracer + ?Sized>(tracer: &T) -> Self {
         match tracer.recording() {
             Recording::Off => Self(None),
             Recording::PerQuery => Self(Some(Self::progress(tracer.stats()))),
@@ -95,7 +95,7 @@ impl Before {
 
     /// Writes down what the query took.
     #[inline(always)]
-    fn record<T: Tracer + ?Sized>(self, tracer: &T, column: &mut Vec<QueryWork>) {
+    pub(crate) fn record<T: Tracer + ?Sized>(self, tracer: &T, column: &mut Vec<QueryWork>) {
         if let Some((work, coherent)) = self.0 {
             let after = Self::progress(tracer.stats());
             column.push(QueryWork {

@@ -186,7 +186,9 @@ impl PrimitiveColumns {
     pub fn push_from(&mut self, other: &Self, kind: PrimitiveKind, index: u32, sides: Sides) -> ColumnRun {
         let (i, new) = (index as usize, index_of(self.len(kind)));
         match kind {
-            PrimitiveKind::Sphere => push_all(&mut self.spheres, std::array::from_fn(|k| other.spheres[k][i])),
+            PrimitiveKind::Sphere => {
+                push_all(&mut self.spheres, std::array::from_fn(|k| other.spheres[k][i]))
+            }
             PrimitiveKind::Triangle => {
                 push_all(&mut self.triangles, std::array::from_fn(|k| other.triangles[k][i]));
             }
@@ -208,7 +210,8 @@ impl PrimitiveColumns {
     /// How many bytes the columns take.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let columns = self.spheres.iter().chain(&self.triangles).chain(&self.cones).chain(&self.polygon_vertices);
+        let columns =
+            self.spheres.iter().chain(&self.triangles).chain(&self.cones).chain(&self.polygon_vertices);
         columns.map(|column| size_of_val(&column[..])).sum::<usize>()
             + size_of_val(&self.polygon_starts[..])
             + size_of_val(&self.polygon_normals[..])
@@ -221,7 +224,8 @@ impl PrimitiveColumns {
     /// If there is no such sphere.
     #[must_use]
     pub fn sphere(&self, index: u32) -> Sphere {
-        let ([x, y, z, radius], i) = (&self.spheres, index as usize);
+        let i = index as usize;
+        let [x, y, z, radius] = &self.spheres;
         Sphere::new(DVec3::new(x[i], y[i], z[i]), radius[i])
     }
 

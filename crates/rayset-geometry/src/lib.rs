@@ -42,7 +42,7 @@ pub use departure::Departure;
 pub use exact::compare_products;
 pub use glam;
 pub use kind::PrimitiveKind;
-pub use pencil::{PENCIL_MARGIN, Pencil, PencilLanes};
+pub use pencil::{PENCIL_MARGIN, Pencil, PencilGate, PencilLanes};
 pub use polygon::Polygon;
 pub use primitive::Primitive;
 pub use probe::{Probe, RayLanes, Shear};

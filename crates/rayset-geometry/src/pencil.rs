@@ -39,16 +39,41 @@ pub const PENCIL_MARGIN: f64 = 1.0 / (1_u64 << 44) as f64;
 /// How much tighter than its bounds a ray is checked, relatively: the rounding of squared differences.
 const CONTAINMENT_SLACK: f64 = 1.0 - 1.0 / (1_u64 << 46) as f64;
 
-impl Pencil {
+/// A pencil as far as rays are held against it: its bounds squared, and tighter by their rounding.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PencilGate {
+    axis: Ray,
+    spread_squared: f64,
+    divergence_squared: f64,
+}
+
+impl PencilGate {
     /// Whether a ray belongs to the pencil, whatever its length.
     #[must_use]
     #[inline(always)]
-    pub fn contains(&self, ray: &Ray) -> bool {
+    pub fn admits(&self, ray: &Ray) -> bool {
         let apart = ray.direction() - self.axis.direction();
         let beside = ray.origin() - self.axis.origin();
-        let (divergence, spread) = (self.divergence * self.divergence, self.spread * self.spread);
-        apart.length_squared() <= divergence * CONTAINMENT_SLACK
-            && beside.length_squared() <= spread * CONTAINMENT_SLACK
+        // Both, always: two comparisons cost less than a branch between them.
+        (apart.length_squared() <= self.divergence_squared) & (beside.length_squared() <= self.spread_squared)
+    }
+}
+
+impl Pencil {
+    /// What a ray must pass to belong to the pencil.
+    #[must_use]
+    pub fn gate(&self) -> PencilGate {
+        PencilGate {
+            axis: self.axis,
+            spread_squared: self.spread * self.spread * CONTAINMENT_SLACK,
+            divergence_squared: self.divergence * self.divergence * CONTAINMENT_SLACK,
+        }
+    }
+
+    /// Whether a ray belongs to the pencil, whatever its length.
+    #[must_use]
+    pub fn contains(&self, ray: &Ray) -> bool {
+        self.gate().admits(ray)
     }
 
     /// Whether no ray of the pencil touches a volume, or comes within `slack` of it.

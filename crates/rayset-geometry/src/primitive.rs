@@ -46,7 +46,7 @@ impl Primitive {
         let is_flat = matches!(self.kind(), PrimitiveKind::Triangle | PrimitiveKind::Polygon);
         let probe = Probe::new(Scalar, ray, span, is_flat);
         match self {
-            Self::Sphere(sphere) => sphere.intersect(&probe, sides, departure),
+            Self::Sphere(sphere) => sphere.intersect(ray, span, sides, departure),
             Self::Triangle(triangle) => triangle.intersect(&probe, sides, departure),
             Self::Cone(cone) => {
                 let allowed = Allowed::of_one(PrimitiveKind::Cone, sides, departure);

@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayset_simd::{Lanes, Scalar, Simd};
 
 use crate::departure::Allowed;
-use crate::{BoundingSphere, PrimitiveKind, Probe, Side, Sides};
+use crate::{BoundingSphere, Probe, Ray, Side, Sides, Span};
 
 /// A sphere, in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,13 +44,17 @@ impl Sphere {
         crate::unit(point - self.center).unwrap_or(DVec3::Z)
     }
 
-    /// The distance to the first hit of a prepared ray; `departure` is the side into which it left this very sphere, if
-    /// it did.
+    /// [`Primitive::intersect`](crate::Primitive::intersect) of a sphere: for loops that know what they test.
     #[must_use]
     #[inline(always)]
-    pub fn intersect(&self, probe: &Probe<Scalar>, sides: Sides, departure: Option<Side>) -> Option<f64> {
-        let allowed = Allowed::of_one(PrimitiveKind::Sphere, sides, departure);
-        let (is_hit, t) = intersect(probe, self.center.to_array(), self.radius, allowed);
+    pub fn intersect(&self, ray: &Ray, span: Span, sides: Sides, departure: Option<Side>) -> Option<f64> {
+        let probe = Probe::new(Scalar, ray, span, false);
+        // As `Allowed::of` has it for a sphere: who leaves outwards meets nothing, who leaves inwards the back alone.
+        let allowed = Allowed {
+            front: departure.is_none() && sides.include(Side::Front),
+            back: departure != Some(Side::Front) && sides.include(Side::Back),
+        };
+        let (is_hit, t) = intersect(&probe, self.center.to_array(), self.radius, allowed);
         is_hit.then_some(t)
     }
 

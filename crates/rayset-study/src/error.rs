@@ -35,6 +35,12 @@ pub enum StudyError {
         /// Why.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
+    /// Strategies that are exact gave different pixels or rays.
+    #[error("strategies differ: {what}")]
+    Differs {
+        /// Where.
+        what: String,
+    },
     /// A report could not be written.
     #[error("cannot write `{path}`", path = path.display())]
     Write {

@@ -1,7 +1,7 @@
 //! Experiments over scenes, strategies and options: Table 1 of Speer, DeRose and Barsky (1985) and its cost model.
 //!
 //! [`Table1`] is the paper's experiment, run on the scenes of a [`Table1Plan`]; [`CostModel`] is the paper's section 3,
-//! fitted to what was measured.
+//! fitted to what was measured. [`Coherence`] is what the strategy `coherent` gains today.
 //!
 //! ```
 //! use rayset_study::CostModel;
@@ -11,6 +11,7 @@
 //! assert!((model.threshold() - 0.662).abs() < 0.001);
 //! ```
 
+mod coherence;
 mod conditions;
 mod cost_model;
 mod error;
@@ -23,6 +24,7 @@ mod statistics;
 mod study;
 mod table1;
 
+pub use coherence::{Coherence, CoherenceCell, CoherencePlan, CoherenceRow};
 pub use conditions::{Conditions, Pair};
 pub use cost_model::{CostModel, Measurement};
 pub use error::StudyError;

@@ -153,8 +153,7 @@ impl Cost {
     pub fn of(&self, counts: &Counts) -> f64 {
         let work = &counts.work;
         float(work.primitive_tests)
-            + self.k
-                * (float(work.volumes_classified) + self.lambda_over_k * float(work.radius_comparisons))
+            + self.k * (float(work.volumes_classified) + self.lambda_over_k * float(work.radius_comparisons))
             + self.pierce * float(work.pierce_checks)
             + self.alpha * float(counts.rays())
     }

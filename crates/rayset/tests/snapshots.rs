@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use rayset::ChannelNames;
-use rayset::engine::{Frame, Layers, RenderOptions, StrategyKind, render};
+use rayset::engine::{Backend, Frame, Layers, RenderOptions, StrategyKind, render};
 use rayset::image::{Image, Samples, compare, read_exr, write_exr};
 use rayset::scene::{RandomSpheres, Scene};
 
@@ -90,7 +90,8 @@ fn cornell_box_loads_as_it_did() {
 fn every_layer_survives_a_file() {
     let scene = spheres(8);
     let options = RenderOptions { layers: Layers::ALL, ..options() };
-    let mut frame = render(StrategyKind::Speer1985.bind_on(&scene, Backend::Portable).as_ref(), &options).unwrap();
+    let mut frame =
+        render(StrategyKind::Speer1985.bind_on(&scene, Backend::Portable).as_ref(), &options).unwrap();
     let exact = render(StrategyKind::Standard.bind_on(&scene, Backend::Portable).as_ref(), &options).unwrap();
     frame.mark_wrong(&exact);
     let image = rayset::image_of(&frame, ChannelNames::Layered, &[]).unwrap();

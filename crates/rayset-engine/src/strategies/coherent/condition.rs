@@ -114,9 +114,7 @@ impl Omitted {
     }
 
     /// The pencil that a ray must belong to.
-    #[inline(always)]
-    pub(super) fn pencil_of_rays(self, pencil: &Pencil) -> Pencil {
-        let mut pencil = *pencil;
+    pub(super) fn pencil_of_rays(self, mut pencil: Pencil) -> Pencil {
         if self.is(Condition::Spread) {
             pencil.spread = f64::INFINITY;
         }

@@ -31,6 +31,18 @@ impl Credit {
         self.balance += tests * TEST;
     }
 
+    /// Whether so many tests can be paid for.
+    #[inline(always)]
+    pub(super) fn covers(&self, tests: u64) -> bool {
+        self.balance >= tests * TEST
+    }
+
+    /// Pays for tests that are covered.
+    #[inline(always)]
+    pub(super) fn spend(&mut self, tests: u64) {
+        self.balance -= tests * TEST;
+    }
+
     /// Pays for tests; `false` if they cannot be paid for, and must not be made.
     #[inline(always)]
     pub(super) fn pay(&mut self, tests: u64) -> bool {

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use rayset_geometry::{ColumnRun, Ray};
-use rayset_scene::VolumeId;
+use rayset_scene::{Scene, VolumeId};
 
-use super::certificate::Certificate;
+use super::certificate::{Certificate, LoneSphere};
 use crate::RaySetIndex;
 
 /// How many certificates a slot keeps: those of the surfaces that take turns along a row.
@@ -43,52 +43,74 @@ impl Step {
     }
 }
 
+/// A primitive that hid a light.
+#[derive(Clone, Debug)]
+pub(super) enum Blocker {
+    Sphere(LoneSphere),
+    /// Of one primitive.
+    Run(ColumnRun),
+}
+
+impl Blocker {
+    pub(super) fn of_run(scene: &Scene, run: ColumnRun) -> Self {
+        LoneSphere::of_run(scene, &run).map_or(Self::Run(run), Self::Sphere)
+    }
+}
+
 /// The state of a slot, or of a slot and a light.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SlotState {
-    /// The certificates, the one that served last first.
-    pub(super) ways: Vec<Certificate>,
+    /// The certificates; which of them served last says `order`.
+    ways: Vec<Certificate>,
+    /// The places of the certificates in `ways`, the one that served last first.
+    order: [usize; N_WAYS],
     /// How many rays the certificates have served since one was built last.
     pub(super) n_served: u32,
+    /// How many of them `account` does not know yet.
+    n_unpaid: u32,
+    /// What certificates have saved, less what building them took, in tests as they take time.
+    account: i64,
     pub(super) last: Option<Last>,
     pub(super) step: Option<Step>,
-    /// Certificates to be left unbuilt after those that did not serve.
-    pub(super) skip: u32,
-    /// How many to leave out when the next one does not serve either, as a power of two.
-    pub(super) caution: u32,
-    /// The primitive that hid the light last, as a run of one.
-    pub(super) blocker: Option<ColumnRun>,
+    /// How many partitioned rays to learn nothing from, since certificates did not earn what they cost.
+    wait: u32,
+    /// For how many to wait next time, as a power of two.
+    caution: u32,
+    /// The primitive that hid the light last.
+    pub(super) blocker: Option<Blocker>,
     /// Whether the last light ray was blocked.
     pub(super) was_blocked: bool,
 }
 
 impl SlotState {
-    /// The certificate of a way has served.
+    /// How many certificates there are.
     #[inline(always)]
-    pub(super) fn serve(&mut self, way: usize) {
-        if way > 0 {
-            self.ways[..=way].rotate_right(1);
-        }
-        self.n_served += 1;
+    pub(super) fn n_ways(&self) -> usize {
+        self.ways.len()
     }
 
-    /// Notes the ray partitioned last.
+    /// A certificate, by how long it has not served.
     #[inline(always)]
-    pub(super) fn note(&mut self, ray_set: RaySetIndex, ray: &Ray, length: f64, predicted: Option<VolumeId>) {
-        self.last = Some(Last { ray_set, ray: *ray, length, predicted });
+    pub(super) fn way(&self, rank: usize) -> Option<&Certificate> {
+        self.ways.get(self.order[rank])
+    }
+
+    /// The certificate of a rank has served.
+    #[inline(always)]
+    pub(super) fn serve(&mut self, rank: usize) {
+        if rank > 0 {
+            self.order[..=rank].rotate_right(1);
+        }
+        self.n_served += 1;
+        self.n_unpaid += 1;
     }
 
     /// Learns how far corresponding rays are apart, if the last one was of the ray-set before and met the same.
     #[inline(always)]
-    pub(super) fn measure_step(
-        &mut self,
-        ray_set: RaySetIndex,
-        ray: &Ray,
-        length: f64,
-        predicted: Option<VolumeId>,
-    ) {
-        let is_next =
-            |last: &&Last| last.ray_set.0.wrapping_add(1) == ray_set.0 && last.predicted == predicted;
+    pub(super) fn measure_step(&mut self, seen: &Last) {
+        let is_next = |last: &&Last| {
+            last.ray_set.0.wrapping_add(1) == seen.ray_set.0 && last.predicted == seen.predicted
+        };
         let Some(last) = self.last.as_ref().filter(is_next) else {
             // Certificates that served few may have been built for too short a step.
             if self.n_served < SERVED_BY_A_GOOD_STEP {
@@ -96,6 +118,7 @@ impl SlotState {
             }
             return;
         };
+        let Last { ref ray, length, .. } = *seen;
         let spread = ray.origin().distance(last.ray.origin());
         let divergence = ray.direction().distance(last.ray.direction());
         let widening = if length < f64::INFINITY { spread + divergence * length } else { 0.0 };
@@ -113,32 +136,100 @@ impl SlotState {
 
     /// Keeps a certificate in place of the one that has not served longest.
     pub(super) fn keep(&mut self, certificate: Certificate) {
-        self.ways.truncate(N_WAYS - 1);
-        self.ways.insert(0, certificate);
+        let rank = self.ways.len().min(N_WAYS - 1);
+        if rank == self.ways.len() {
+            self.order[rank] = rank;
+            self.ways.push(certificate);
+        } else {
+            self.ways[self.order[rank]] = certificate;
+        }
+        self.order[..=rank].rotate_right(1);
         self.n_served = 0;
     }
 
-    /// Whether a certificate may be built now: after ones that served fewer than two rays, fewer are built.
-    pub(super) fn may_build(&mut self) -> bool {
-        if self.skip > 0 {
-            self.skip -= 1;
-            return false;
+    /// Whether the slot is to learn from a ray that was partitioned.
+    ///
+    /// A slot whose certificates do not earn what they cost waits for ever longer, and then costs next to nothing.
+    #[inline(always)]
+    pub(super) fn learns(&mut self, prices: Prices) -> Learns {
+        let served = i64::from(std::mem::take(&mut self.n_unpaid));
+        self.account = (self.account + served * prices.saving).min(MOST_SAVED * prices.building);
+        if self.account >= 0 || self.wait == 0 {
+            return Learns::All;
         }
-        if self.ways.is_empty() || self.n_served >= 2 {
+        self.wait -= 1;
+        // The ray before the one to be certified shows the step.
+        if self.wait == 0 { Learns::Step } else { Learns::Nothing }
+    }
+
+    /// A certificate is being built.
+    pub(super) fn pay_building(&mut self, prices: Prices) {
+        if self.account >= 0 {
             self.caution = 0;
         } else {
-            self.caution = (self.caution + 1).min(7);
-            self.skip = (1 << self.caution) - 1;
+            self.caution = (self.caution + 1).clamp(LEAST_CAUTION, MOST_CAUTION);
+            self.wait = 1 << self.caution;
+            self.account = 0;
+            if self.n_served == 0 {
+                // Certificates that served none since are not worth a check either.
+                self.ways.clear();
+            }
         }
-        true
+        self.account -= prices.building;
     }
 }
 
+/// What a slot learns from a ray that was partitioned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Learns {
+    Nothing,
+    /// How far apart corresponding rays are.
+    Step,
+    /// That, and it may build a certificate.
+    All,
+}
+
+/// What building a certificate takes and what a ray that it serves saves, in tests as they take time: of some four
+/// nanoseconds each, where this was measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Prices {
+    building: i64,
+    saving: i64,
+}
+
+impl Prices {
+    /// Building costs nothing, so that nothing keeps a slot from it.
+    pub(super) const NONE: Self = Self { building: 0, saving: 0 };
+
+    /// Those of a scene of `n` volumes.
+    pub(super) fn of(n: usize) -> Self {
+        let n = i64::try_from(n).unwrap_or(i64::MAX / 8);
+        // Building takes about two and a half tests a volume, and as long as 150 tests besides: half a microsecond,
+        // in which a few more rays are partitioned that another certificate might have served. A partition takes one
+        // test a volume, and a little more than serving a ray besides.
+        Self { building: 150 + 5 * n / 2, saving: n + 4 }
+    }
+}
+
+/// How many certificates a slot may build from what it saved, before it has to save again.
+const MOST_SAVED: i64 = 8;
+
+/// A slot waits for two to this power of partitioned rays at first, and at most.
+const LEAST_CAUTION: u32 = 4;
+const MOST_CAUTION: u32 = 7;
+
 /// The state of every slot that was used.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Slots {
     near: Vec<SlotState>,
     far: HashMap<u64, SlotState>,
+}
+
+impl Default for Slots {
+    /// With room for the slots of most trees, so that few are moved.
+    fn default() -> Self {
+        Self { near: Vec::with_capacity(64), far: HashMap::new() }
+    }
 }
 
 /// Slots below this number are found by index, those above by hashing: a deep tree must not take memory for all the

@@ -1,55 +1,86 @@
 //! What is done for one ray: following a certificate, or a partition and building one.
 
-use rayset_geometry::{ColumnRun, PARTITION_MARGIN, Pencil, Probe, Ray, Side, VolumeSet};
-use rayset_scene::{PrimitiveId, Scene, VolumeId};
-use rayset_simd::Simd;
+use rayset_geometry::{ColumnRun, PARTITION_MARGIN, Pencil, Probe, Ray, Span, VolumeSet};
+use rayset_scene::{Scene, VolumeId};
+use rayset_simd::{Scalar, Simd};
 
-use super::certificate::{Builder, Certificate, MAX_GUESTS, Plan, build_cost};
+use super::certificate::{Builder, MAX_VOLUMES, Plan, build_cost, is_left, is_single};
 use super::condition::{Condition, Omitted};
 use super::credit::Credit;
-use super::retained::SlotState;
-use crate::strategies::partition::{Partition, departure, first_in, nearest_in};
+use super::question::Question;
+use super::retained::{Blocker, Last, Learns, N_WAYS, Prices, SlotState};
+use crate::strategies::partition::{Partition, departure};
 use crate::{Hit, Originating, RayKind, RayQuery, ShadowQuery, Stats};
+
+/// What checking a certificate costs, in tests.
+const CHECK: u64 = 2;
+
+/// How many certificates a sweep may build before it has earned anything.
+const LOAN: u64 = 3;
+
+/// The most that [`Worker::serve`] spends, in tests.
+const MOST_TO_SERVE: u64 = CHECK + MAX_VOLUMES as u64;
+
+/// A ray as its certificates see it, and as it is tested.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Asked<'a> {
+    pub(super) axis: &'a Ray,
+    pub(super) ray: &'a Ray,
+    pub(super) span: Span,
+    pub(super) originating: Option<Originating>,
+}
 
 /// Everything of a tracer but its slots.
 pub(super) struct Worker<'s> {
     pub(super) scene: &'s Scene,
-    pub(super) tested: Tested,
     pub(super) stats: Stats,
-    /// Of the query answered last.
+    /// Of the query answered last, if it is recorded.
     pub(super) certificate_radius: f64,
+    is_recording: bool,
     omitted: Omitted,
+    /// The volumes that the ray in hand was tested against already.
+    tested: Vec<VolumeId>,
     partition: Partition,
     builder: Builder,
     credit: Credit,
+    /// Of the scene: the tests of a partition.
+    n_volumes: u64,
+    prices: Prices,
 }
 
-/// What the ray in hand was tested against already.
-#[derive(Debug, Default)]
-pub(super) struct Tested {
-    volumes: Vec<VolumeId>,
-    least: Option<Hit>,
+/// What a sweep may spend.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    /// Before anything is earned, in tests.
+    pub(super) loan: u64,
+    pub(super) prices: Prices,
 }
 
-impl Tested {
-    pub(super) fn clear(&mut self) {
-        self.volumes.clear();
-        self.least = None;
+impl Budget {
+    /// Enough for a few certificates, and prices as they are.
+    pub(super) fn of(scene: &Scene) -> Self {
+        Self { loan: LOAN * build_cost(scene), prices: Prices::of(scene.volumes().len()) }
     }
+
+    /// More than any sweep spends.
+    pub(super) const UNLIMITED: Self = Self { loan: 1 << 50, prices: Prices::NONE };
 }
 
 impl<'s> Worker<'s> {
-    /// `loan` is what may be spent before anything is earned, in tests.
-    pub(super) fn new(scene: &'s Scene, loan: u64, omitted: Omitted) -> Self {
+    pub(super) fn new(scene: &'s Scene, budget: Budget, is_recording: bool, omitted: Omitted) -> Self {
+        let n_volumes = scene.volumes().len() as u64;
         Self {
             scene,
-            tested: Tested { volumes: Vec::with_capacity(4 * MAX_GUESTS), least: None },
+            tested: Vec::with_capacity(N_WAYS * MAX_VOLUMES),
             stats: Stats::default(),
             certificate_radius: 0.0,
+            is_recording,
             partition: Partition::default(),
             omitted,
             builder: Builder::new(omitted),
-            credit: Credit::new(loan),
+            credit: Credit::new(budget.loan),
+            n_volumes,
+            prices: budget.prices,
         }
     }
 
@@ -74,211 +105,167 @@ impl<'s> Worker<'s> {
         VolumeSet::of(probe.ray(), &bounds, slack) == VolumeSet::Intersected
     }
 
-    /// Tries to answer a ray by the certificates of its slot.
+    /// Tries the certificate that served last, where it asks for spheres alone: the way of most rays.
+    ///
+    /// `None` if that settles the question; else [`Worker::follow`] is to go on from the rank that is returned.
     #[inline(always)]
-    pub(super) fn follow<S: Simd>(
+    pub(super) fn serve<Q: Question>(
         &mut self,
         state: &mut SlotState,
         kind: RayKind,
-        probe: &Probe<S>,
-        originating: Option<Originating>,
-    ) -> Option<Option<Hit>> {
-        if state.ways.is_empty() {
-            return None;
+        asked: &Asked<'_>,
+        question: &mut Q,
+    ) -> Option<usize> {
+        self.tested.clear();
+        let Some(certificate) = state.way(0) else { return Some(0) };
+        let Some(spheres) = certificate.spheres() else { return Some(0) };
+        if !question.is_covered(certificate, self.omitted) || !self.credit.covers(MOST_TO_SERVE) {
+            return Some(0);
         }
         self.stats.coherence[kind].guided += 1;
-        for way in 0..state.ways.len() {
-            if !self.check(&state.ways[way], probe.ray(), originating) {
-                continue;
-            }
-            let certificate = &state.ways[way];
-            let mut is_tested = true;
-            for volume in certificate.volumes(self.omitted) {
-                if self.tested.volumes.contains(&volume) {
-                    continue;
-                }
-                if !self.credit.pay(1) {
-                    is_tested = self.omitted.is(Condition::AllTested);
-                    break;
-                }
-                self.tested.volumes.push(volume);
-                if self.is_met(probe, volume)
-                    && let Some(hit) = nearest_in(
-                        self.scene,
-                        probe,
-                        volume,
-                        departure(self.scene, originating),
-                        &mut self.stats.work,
-                    )
-                    && self.tested.least.is_none_or(|least| hit.precedes(&least))
-                {
-                    self.tested.least = Some(hit);
-                }
-            }
-            let reaches = |t: f64| t <= certificate.pencil.length || self.omitted.is(Condition::HitLength);
-            if is_tested && reaches(self.tested.least.map_or(f64::INFINITY, |hit| hit.t)) {
-                let hit = self.tested.least;
-                self.answered(state, way, kind, hit.map_or(self.scene.extent(), |hit| hit.t));
-                return Some(hit);
-            }
-            self.stats.coherence[kind].predicted_missed += 1;
+        self.stats.work.pierce_checks += 1;
+        if !certificate.admits(asked.axis, asked.originating, self.omitted) {
+            self.credit.spend(CHECK);
+            return Some(1);
         }
+        let mut n_tests = 0;
+        for sphere in spheres {
+            n_tests += 1;
+            if question.test_sphere(sphere, asked.ray, asked.span, asked.originating) {
+                break;
+            }
+        }
+        self.stats.work.primitive_tests += n_tests;
+        self.credit.spend(CHECK + n_tests);
+        if !question.is_settled(certificate, self.omitted) {
+            self.stats.coherence[kind].predicted_missed += 1;
+            self.tested.extend_from_slice(certificate.volumes());
+            return Some(1);
+        }
+        self.answered(state, 0, kind, question.reach());
         None
     }
 
-    /// Tries to answer a ray to a light by the certificates of its slot; `axis` is the ray as they see it.
+    /// Tries to settle a question by the certificates of a slot, from that of rank `first` on.
     #[inline(always)]
-    pub(super) fn follow_to_light<S: Simd>(
+    pub(super) fn follow<S: Simd, Q: Question>(
         &mut self,
         state: &mut SlotState,
-        axis: &Ray,
-        length: f64,
+        first: usize,
+        kind: RayKind,
+        asked: &Asked<'_>,
         probe: &Probe<S>,
-        originating: Option<Originating>,
-    ) -> Option<bool> {
-        if state.ways.is_empty() {
-            return None;
-        }
-        self.stats.coherence.shadow.guided += 1;
-        for way in 0..state.ways.len() {
-            let is_long_enough =
-                length <= state.ways[way].pencil.length || self.omitted.is(Condition::LightLength);
-            if !is_long_enough || !self.check(&state.ways[way], axis, originating) {
+        question: &mut Q,
+    ) -> bool {
+        self.stats.coherence[kind].guided += u64::from(first == 0 && state.n_ways() > 0);
+        for rank in first..state.n_ways() {
+            let Some(certificate) = state.way(rank) else { break };
+            if !question.is_covered(certificate, self.omitted) {
                 continue;
             }
+            if !self.credit.pay(CHECK) {
+                break;
+            }
+            self.stats.work.pierce_checks += 1;
+            if !certificate.admits(asked.axis, asked.originating, self.omitted) {
+                continue;
+            }
+            let mut is_settled = false;
             let mut is_tested = true;
-            for volume in state.ways[way].volumes(self.omitted) {
-                if self.tested.volumes.contains(&volume) {
+            for &volume in certificate.volumes() {
+                if self.tested.contains(&volume) {
                     continue;
                 }
                 if !self.credit.pay(1) {
                     is_tested = self.omitted.is(Condition::AllTested);
                     break;
                 }
-                self.tested.volumes.push(volume);
-                if self.is_met(probe, volume)
-                    && let Some(blocker) = first_in(
-                        self.scene,
-                        probe,
-                        volume,
-                        departure(self.scene, originating),
-                        &mut self.stats.work,
-                    )
-                {
-                    state.blocker = Some(blocker);
-                    self.answered(state, way, RayKind::Shadow, length.min(self.scene.extent()));
-                    return Some(true);
+                self.tested.push(volume);
+                if self.is_met(probe, volume) {
+                    let departure = departure(self.scene, asked.originating);
+                    let work = &mut self.stats.work;
+                    is_settled = question.test_volume(self.scene, probe, volume, departure, work);
+                    if is_settled {
+                        break;
+                    }
                 }
             }
-            if is_tested {
-                self.answered(state, way, RayKind::Shadow, length.min(self.scene.extent()));
-                return Some(false);
+            if is_settled || is_tested && question.is_settled(certificate, self.omitted) {
+                self.answered(state, rank, kind, question.reach());
+                return true;
             }
+            self.stats.coherence[kind].predicted_missed += u64::from(is_tested);
         }
-        None
+        false
     }
 
     /// Whether the primitive that hid the light last hides it again.
     #[inline(always)]
-    pub(super) fn is_still_blocked<S: Simd>(
-        &mut self,
-        state: &SlotState,
-        probe: &Probe<S>,
-        originating: Option<Originating>,
-    ) -> bool {
+    pub(super) fn is_still_blocked(&mut self, state: &SlotState, asked: &Asked<'_>) -> bool {
         let Some(blocker) = &state.blocker else { return false };
         if !self.credit.pay(1) {
             return false;
         }
+        self.stats.work.primitive_tests += 1;
+        let blocks = match blocker {
+            Blocker::Sphere(sphere) => sphere.hit(asked.ray, asked.span, asked.originating).is_some(),
+            Blocker::Run(run) => self.blocks(run, asked),
+        };
         let coherence = &mut self.stats.coherence.shadow;
         coherence.guided += 1;
-        self.stats.work.primitive_tests += 1;
-        let blocks =
-            self.scene.primitives().any(probe, blocker, departure(self.scene, originating)).is_some();
         if !blocks && !self.omitted.is(Condition::Blocker) {
             coherence.predicted_missed += 1;
             return false;
         }
         coherence.coherent += 1;
         self.certificate_radius = 0.0;
-        let n = self.scene.volumes().len() as u64;
-        self.credit.save(n);
+        self.credit.save(self.n_volumes);
         true
     }
 
-    /// Whether a certificate holds for a ray; pays two tests for finding out.
-    #[inline(always)]
-    fn check(&mut self, certificate: &Certificate, ray: &Ray, originating: Option<Originating>) -> bool {
-        if !self.credit.pay(2) {
-            return false;
-        }
-        self.stats.work.pierce_checks += 1;
-        let omitted = self.omitted;
-        let leaves_it = |excluded: PrimitiveId| {
-            omitted.is(Condition::ExcludedIsLeft)
-                || originating.is_some_and(|o| o.primitive == excluded && is_left(&o, omitted))
-        };
-        omitted.pencil_of_rays(&certificate.pencil).contains(ray)
-            && certificate.excluded.is_none_or(leaves_it)
+    /// Whether the primitive of a run hides the light.
+    #[inline(never)]
+    fn blocks(&self, run: &ColumnRun, asked: &Asked<'_>) -> bool {
+        // One lane: it is one primitive.
+        let primitives = self.scene.primitives();
+        let probe = Probe::new(Scalar, asked.ray, asked.span, primitives.is_flat());
+        primitives.any(&probe, run, departure(self.scene, asked.originating)).is_some()
     }
 
     /// Counts a coherent ray and what it saved.
     #[inline(always)]
-    fn answered(&mut self, state: &mut SlotState, way: usize, kind: RayKind, reach: f64) {
-        let Pencil { spread, divergence, .. } = state.ways[way].pencil;
-        self.certificate_radius = spread + divergence * reach;
+    fn answered(&mut self, state: &mut SlotState, rank: usize, kind: RayKind, reach: f64) {
+        if self.is_recording
+            && let Some(certificate) = state.way(rank)
+        {
+            let Pencil { spread, divergence, .. } = certificate.pencil;
+            self.certificate_radius = spread + divergence * reach.min(self.scene.extent());
+        }
         self.stats.coherence[kind].coherent += 1;
-        let n = self.scene.volumes().len() as u64;
-        self.credit.save(n);
-        state.serve(way);
+        self.credit.save(self.n_volumes);
+        state.serve(rank);
     }
 
     /// The partition, without what the ray was tested against already.
     #[inline(always)]
-    pub(super) fn partition<S: Simd>(
+    pub(super) fn partition<S: Simd, Q: Question>(
         &mut self,
         simd: S,
         probe: &Probe<S>,
         originating: Option<Originating>,
-    ) -> Option<Hit> {
+        question: &mut Q,
+    ) {
         let work = &mut self.stats.work;
         self.partition.of::<S, false>(simd, self.scene, probe, work);
-        self.credit.earn(self.scene.volumes().len() as u64);
+        self.credit.earn(self.n_volumes);
         let departure = departure(self.scene, originating);
-        let mut nearest = self.tested.least;
         for &volume in &self.partition.intersected {
-            if !self.tested.volumes.contains(&volume)
-                && let Some(hit) = nearest_in(self.scene, probe, volume, departure, work)
-                && nearest.is_none_or(|nearest| hit.precedes(&nearest))
+            if !self.tested.contains(&volume)
+                && question.test_volume(self.scene, probe, volume, departure, work)
             {
-                nearest = Some(hit);
-            }
-        }
-        nearest
-    }
-
-    /// The partition towards a light, without what the ray was tested against already: the first blocker.
-    #[inline(always)]
-    pub(super) fn partition_to_light<S: Simd>(
-        &mut self,
-        simd: S,
-        probe: &Probe<S>,
-        originating: Option<Originating>,
-    ) -> Option<ColumnRun> {
-        let work = &mut self.stats.work;
-        self.partition.of::<S, false>(simd, self.scene, probe, work);
-        self.credit.earn(self.scene.volumes().len() as u64);
-        let volumes =
-            self.partition.intersected.iter().filter(|volume| !self.tested.volumes.contains(volume));
-        let departure = departure(self.scene, originating);
-        let mut blocker = None;
-        for &volume in volumes {
-            blocker = first_in(self.scene, probe, volume, departure, work);
-            if blocker.is_some() {
                 break;
             }
         }
-        blocker
     }
 
     /// Builds a certificate round a ray that was partitioned, if that may pay.
@@ -291,10 +278,8 @@ impl<'s> Worker<'s> {
         hit: Option<Hit>,
     ) {
         let length = hit.map_or(f64::INFINITY, |hit| hit.t);
-        let predicted = self.volume_of(hit);
-        state.measure_step(query.ray_set, &query.ray, length, predicted);
-        state.note(query.ray_set, &query.ray, length, predicted);
-        self.build(simd, state, &query.ray, length, predicted, query.originating);
+        let seen = Last { ray_set: query.ray_set, ray: query.ray, length, predicted: self.volume_of(hit) };
+        self.build(simd, state, seen, query.originating);
     }
 
     /// Builds a certificate round an unblocked ray to a light, if that may pay.
@@ -307,9 +292,8 @@ impl<'s> Worker<'s> {
         axis: &Ray,
         length: f64,
     ) {
-        state.measure_step(query.ray_set, axis, length, None);
-        state.note(query.ray_set, axis, length, None);
-        self.build(simd, state, axis, length, None, Some(query.originating));
+        let seen = Last { ray_set: query.ray_set, ray: *axis, length, predicted: None };
+        self.build(simd, state, seen, Some(query.originating));
     }
 
     #[inline(always)]
@@ -317,17 +301,24 @@ impl<'s> Worker<'s> {
         &mut self,
         simd: S,
         state: &mut SlotState,
-        axis: &Ray,
-        length: f64,
-        predicted: Option<VolumeId>,
+        seen: Last,
         originating: Option<Originating>,
     ) {
         self.certificate_radius = 0.0;
-        let Some(step) = state.step else { return };
         let cost = build_cost(self.scene);
-        if !state.may_build() || !self.credit.pay(cost) {
+        if !self.credit.covers(cost) {
             return;
         }
+        let learns = state.learns(self.prices);
+        if learns == Learns::Nothing {
+            return;
+        }
+        state.measure_step(&seen);
+        let Last { ray: axis, length, predicted, .. } = seen;
+        state.last = Some(seen);
+        let Some(step) = state.step.filter(|_| learns == Learns::All) else { return };
+        state.pay_building(self.prices);
+        self.credit.spend(cost);
         let excluded = originating
             .filter(|left| is_left(left, self.omitted))
             .map(|left| left.primitive)
@@ -337,7 +328,7 @@ impl<'s> Worker<'s> {
                     is_single(self.scene, location.volume) || self.omitted.is(Condition::ExcludedAlone);
                 is_alone.then_some((primitive, location.volume))
             });
-        let pencil = Pencil { axis: *axis, spread: step.spread, divergence: step.divergence, length };
+        let pencil = Pencil { axis, spread: step.spread, divergence: step.divergence, length };
         let plan = Plan { step: pencil, lengthening: step.lengthening, predicted, excluded };
         let mut n_tested = 0;
         let certificate = self.builder.build(simd, self.scene, &plan, &mut n_tested);
@@ -353,16 +344,4 @@ impl<'s> Worker<'s> {
             state.keep(certificate);
         }
     }
-}
-
-/// Whether a volume holds one primitive.
-#[inline(always)]
-fn is_single(scene: &Scene, volume: VolumeId) -> bool {
-    matches!(scene.volume_runs(volume), [run] if run.range.end - run.range.start == 1)
-}
-
-/// Whether a ray cannot meet the primitive it leaves again: see [`Departure`].
-#[inline(always)]
-fn is_left(originating: &Originating, omitted: Omitted) -> bool {
-    originating.side == Side::Front || omitted.is(Condition::ExcludedFront)
 }

@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-
 use super::Sheet;
 use super::claims;
 use super::crossing::Wins;
