@@ -77,9 +77,9 @@ fn nothing_depends_on_bundles_threads_or_lanes() {
             for &backend in Backend::available() {
                 let strategy = kind.bind_on(scene, backend);
                 for bundle_len in [1, 7, 64, whole] {
-                    // Whether coherence is tried depends on the lanes, and on what the rays before have saved.
+                    // What is retained depends on what the rays before have saved, and nodes are as wide as the lanes.
                     let stats = match kind {
-                        StrategyKind::Coherent => {
+                        StrategyKind::Coherent | StrategyKind::Hierarchical => {
                             let options = RenderOptions { bundle_len: Some(bundle_len), ..OPTIONS };
                             frame(strategy.as_ref(), &options).stats
                         }
