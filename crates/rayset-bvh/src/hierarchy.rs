@@ -15,13 +15,13 @@ use crate::traverse::{Stack, Steps, Visitor, traverse};
 #[derive(Clone, Debug)]
 pub struct Hierarchy {
     backend: Backend,
-    frame: Frame,
-    width: Width,
+    pub(crate) frame: Frame,
+    pub(crate) width: Width,
 }
 
 /// As wide as the lanes that traverse it.
 #[derive(Clone, Debug)]
-enum Width {
+pub(crate) enum Width {
     Eight(Wide<8>),
     Sixteen(Wide<16>),
 }
@@ -29,7 +29,7 @@ enum Width {
 /// What a caller keeps between rays, so that tracing one allocates nothing.
 #[derive(Clone, Debug)]
 pub struct Scratch {
-    stack: Stack,
+    pub(crate) stack: Stack,
     /// What was done with it.
     pub steps: Steps,
     /// How many primitives were tested.
@@ -121,10 +121,10 @@ impl Hierarchy {
     ) -> Option<Hit> {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.nearest(simd, &self.frame, ray, span, from, scratch)
+                wide.nearest(simd, &self.frame, ray, span, from, None, scratch)
             }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.nearest(simd, &self.frame, ray, span, from, scratch)
+                wide.nearest(simd, &self.frame, ray, span, from, None, scratch)
             }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
@@ -167,9 +167,9 @@ impl Hierarchy {
 
 /// A tree and its primitives.
 #[derive(Clone, Debug)]
-struct Wide<const W: usize> {
-    tree: Tree<W>,
-    shapes: Shapes<W>,
+pub(crate) struct Wide<const W: usize> {
+    pub(crate) tree: Tree<W>,
+    pub(crate) shapes: Shapes<W>,
 }
 
 impl<const W: usize> Wide<W> {
@@ -198,25 +198,28 @@ impl<const W: usize> Wide<W> {
         Self { tree, shapes }
     }
 
+    /// The least of a ray's hits and one that is known.
     #[inline(always)]
-    fn nearest<S: Simd>(
+    #[expect(clippy::too_many_arguments, reason = "a ray and what it is traced with")]
+    pub(crate) fn nearest<S: Simd>(
         &self,
         simd: S,
         frame: &Frame,
         ray: &Ray,
         span: Span,
         from: Option<(u32, Side)>,
+        known: Option<Hit>,
         scratch: &mut Scratch,
     ) -> Option<Hit> {
-        let cull = CullRay::new(frame, ray, span)?;
+        let Some(cull) = CullRay::new(frame, ray, span) else { return known };
         let Scratch { stack, steps, primitive_tests } = scratch;
-        let end = cull.end(span.end);
+        let end = cull.end(known.map_or(span.end, |hit| hit.t));
         let mut visitor = NearestVisitor {
             shapes: &self.shapes,
             ray: self.shapes.prepare(simd, &cull, ray, span, from),
             cull,
             end,
-            nearest: Nearest::None,
+            nearest: known.map_or(Nearest::None, Nearest::At),
             tests: primitive_tests,
         };
         traverse(simd, &self.tree, stack, &cull, end, steps, &mut visitor);
@@ -224,7 +227,7 @@ impl<const W: usize> Wide<W> {
     }
 
     #[inline(always)]
-    fn occluded<S: Simd>(
+    pub(crate) fn occluded<S: Simd>(
         &self,
         simd: S,
         frame: &Frame,

@@ -7,6 +7,7 @@
 use rayset_geometry::{Ray, Shear};
 use rayset_simd::{CullLanes, Lanes, Simd};
 
+use crate::packet::Planes;
 use crate::ray::CullRay;
 
 /// How far the perpendicular from a sphere's centre may be off, in units of [`LeafRay::unit`].
@@ -26,6 +27,18 @@ pub(crate) struct Intervals<S: Simd> {
     pub(crate) low: S::F32,
     /// Meaningful where a lane is sure.
     pub(crate) high: S::F32,
+}
+
+/// The spans of rays, a lane each.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SpanLanes<S: Simd> {
+    /// Where each starts, or less, and or more.
+    pub(crate) start: S::F32,
+    pub(crate) start_above: S::F32,
+    /// Where each ends, or less.
+    pub(crate) end_below: S::F32,
+    /// Where each ends for what is still to be found.
+    pub(crate) ends: S::F32,
 }
 
 /// A ray prepared for testing blocks.
@@ -81,6 +94,18 @@ impl<S: Simd> LeafRay<S> {
     }
 }
 
+impl<S: Simd> LeafRay<S> {
+    #[inline(always)]
+    fn span(&self, end: f32) -> SpanLanes<S> {
+        SpanLanes {
+            start: self.start,
+            start_above: self.start_above,
+            end_below: self.end_below,
+            ends: self.simd.splat_f32(end),
+        }
+    }
+}
+
 /// `W` spheres.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
@@ -119,42 +144,77 @@ impl<const W: usize> SphereBlock<W> {
         back: u32,
     ) -> Intervals<S> {
         let simd = ray.simd;
-        let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
-        let [cx, cy, cz] = &self.center;
-        let x = simd.load_f32(cx) - ox;
-        let y = simd.load_f32(cy) - oy;
-        let z = simd.load_f32(cz) - oz;
-        let radius = simd.load_f32(&self.radius);
-        let along = x.mul_add(dx, y.mul_add(dy, z * dz));
-        let (lx, ly, lz) = (x - along * dx, y - along * dy, z - along * dz);
-        let lateral = lx.mul_add(lx, ly.mul_add(ly, lz * lz));
-        let discriminant = radius * radius - lateral;
-        let error = simd.splat_f32(SPHERE_MARGIN * ray.unit);
-        // r^2 - l^2 is off by 2 E r, rounded up, and what is left of second order.
-        let error = error * (simd.splat_f32(3.0) * radius + simd.splat_f32(5.0) * error);
-        let zero = simd.splat_f32(0.0);
-        let widest = (discriminant + error).max(zero).sqrt();
-        let narrowest = (discriminant - error).max(zero).sqrt();
-        let real = (discriminant + error).ge(zero);
-        let surely_real = discriminant.gt(error);
-        let slack = simd.splat_f32(SPHERE_DISTANCE_MARGIN * ray.unit);
-        let (below, above) = (along - slack, along + slack);
+        let [x, y, z] = &self.center;
+        let center = [simd.load_f32(x), simd.load_f32(y), simd.load_f32(z)];
+        let span = ray.span(end);
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
-        let ends = simd.splat_f32(end);
-        let (near_low, near_high) = (below - widest, above - narrowest);
-        let (far_low, far_high) = (below + narrowest, above + widest);
-        // The front counts if it lies in the span, else the back.
-        let may_enter = real & front & near_high.ge(ray.start) & near_low.le(ends);
-        let may_leave = real & back & far_high.ge(ray.start) & far_low.le(ends);
-        let enters = surely_real & front & near_low.gt(ray.start_above) & near_high.lt(ray.end_below);
-        let leaves =
-            surely_real & !may_enter & back & far_low.gt(ray.start_above) & far_high.lt(ray.end_below);
-        Intervals {
-            possible: may_enter | may_leave,
-            sure: enters | leaves,
-            low: near_low.select(may_enter, far_low),
-            high: near_high.select(enters, far_high),
+        sphere(simd, center, simd.load_f32(&self.radius), ray.origin, ray.direction, ray.unit, &span, front, back)
+    }
+
+    /// A sphere, the same in every lane: centre and radius.
+    #[inline(always)]
+    pub(crate) fn one<S: Simd>(&self, simd: S, lane: usize) -> ([S::F32; 3], S::F32) {
+        let [x, y, z] = &self.center;
+        let center = [simd.splat_f32(x[lane]), simd.splat_f32(y[lane]), simd.splat_f32(z[lane])];
+        (center, simd.splat_f32(self.radius[lane]))
+    }
+}
+
+impl<S: Simd, const W: usize> Planes<S> for SphereBlock<W> {
+    #[inline(always)]
+    fn plane(&self, simd: S, plane: usize) -> S::F32 {
+        let radius = simd.load_f32(&self.radius);
+        if plane < 3 {
+            simd.load_f32(&self.center[plane]) - radius
+        } else {
+            simd.load_f32(&self.center[plane - 3]) + radius
         }
+    }
+}
+
+/// Where rays hit spheres, a pair a lane.
+#[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "lanes, which must not go through memory")]
+pub(crate) fn sphere<S: Simd>(
+    simd: S,
+    center: [S::F32; 3],
+    radius: S::F32,
+    [ox, oy, oz]: [S::F32; 3],
+    [dx, dy, dz]: [S::F32; 3],
+    unit: f32,
+    span: &SpanLanes<S>,
+    front: <S::F32 as Lanes>::Mask,
+    back: <S::F32 as Lanes>::Mask,
+) -> Intervals<S> {
+    let (x, y, z) = (center[0] - ox, center[1] - oy, center[2] - oz);
+    let along = x.mul_add(dx, y.mul_add(dy, z * dz));
+    let (lx, ly, lz) = (x - along * dx, y - along * dy, z - along * dz);
+    let lateral = lx.mul_add(lx, ly.mul_add(ly, lz * lz));
+    let discriminant = radius * radius - lateral;
+    let error = simd.splat_f32(SPHERE_MARGIN * unit);
+    // r^2 - l^2 is off by 2 E r, rounded up, and what is left of second order.
+    let error = error * (simd.splat_f32(3.0) * radius + simd.splat_f32(5.0) * error);
+    let zero = simd.splat_f32(0.0);
+    let widest = (discriminant + error).max(zero).sqrt();
+    let narrowest = (discriminant - error).max(zero).sqrt();
+    let real = (discriminant + error).ge(zero);
+    let surely_real = discriminant.gt(error);
+    let slack = simd.splat_f32(SPHERE_DISTANCE_MARGIN * unit);
+    let (below, above) = (along - slack, along + slack);
+    let ends = span.ends;
+    let (near_low, near_high) = (below - widest, above - narrowest);
+    let (far_low, far_high) = (below + narrowest, above + widest);
+    // The front counts if it lies in the span, else the back.
+    let may_enter = real & front & near_high.ge(span.start) & near_low.le(ends);
+    let may_leave = real & back & far_high.ge(span.start) & far_low.le(ends);
+    let enters = surely_real & front & near_low.gt(span.start_above) & near_high.lt(span.end_below);
+    let leaves =
+        surely_real & !may_enter & back & far_low.gt(span.start_above) & far_high.lt(span.end_below);
+    Intervals {
+        possible: may_enter | may_leave,
+        sure: enters | leaves,
+        low: near_low.select(may_enter, far_low),
+        high: near_high.select(enters, far_high),
     }
 }
 
@@ -178,43 +238,10 @@ impl<const W: usize> TriangleBlock<W> {
         front: u32,
         back: u32,
     ) -> Intervals<S> {
-        let simd = ray.simd;
-        let [ax, ay, az] = self.vertex(ray, 0);
-        let [bx, by, bz] = self.vertex(ray, 3);
-        let [cx, cy, cz] = self.vertex(ray, 6);
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
-        let size = ax.abs().max(ay.abs()).max(bx.abs().max(by.abs())).max(cx.abs().max(cy.abs()));
-        let vertex_error = VERTEX_MARGIN * ray.unit;
-        // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
-        let error = size
-            .mul_add(simd.splat_f32(8.0 * vertex_error), simd.splat_f32(4.0 * vertex_error * vertex_error));
-        let least = u.min(v).min(w);
-        let greatest = u.max(v).max(w);
+        let vertices = [self.vertex(ray, 0), self.vertex(ray, 3), self.vertex(ray, 6)];
+        let (simd, span) = (ray.simd, ray.span(end));
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
-        let twice = error + error;
-        let possible = (least.ge(-error) & front) | (greatest.le(error) & back);
-        let sure = (least.gt(twice) & front) | (greatest.lt(-twice) & back);
-        let sz = ray.factors[2];
-        let (a_depth, b_depth, c_depth) = (sz * az, sz * bz, sz * cz);
-        let nearest = a_depth.min(b_depth).min(c_depth);
-        let range = a_depth.max(b_depth).max(c_depth) - nearest;
-        let determinant = u + v + w;
-        let inverse = simd.splat_f32(1.0) / determinant;
-        let t = u.mul_add(a_depth, v.mul_add(b_depth, w * c_depth)) * inverse;
-        let slack = simd.splat_f32(TRIANGLE_DISTANCE_MARGIN * ray.unit);
-        let weights = simd.splat_f32(6.5) * error * range * inverse.abs();
-        let low = (t - (weights + slack)).select(sure, nearest - slack);
-        let high = t + (weights + slack);
-        let ends = simd.splat_f32(end);
-        let possible = possible & low.le(ends) & !(sure & high.lt(ray.start));
-        Intervals {
-            possible,
-            sure: sure & possible & low.gt(ray.start_above) & high.lt(ray.end_below),
-            low,
-            high,
-        }
+        triangle(simd, vertices, ray.factors[2], [ray.unit, 1.0], &span, front, back)
     }
 
     /// Three columns, sheared.
@@ -227,6 +254,77 @@ impl<const W: usize> TriangleBlock<W> {
         let x = simd.load_f32(&self.vertices[first + x]) - ox;
         let y = simd.load_f32(&self.vertices[first + y]) - oy;
         [x - sx * z, y - sy * z, z]
+    }
+}
+
+/// Where rays hit triangles, a pair a lane, by sheared vertices and what turns their depths into distances; with the
+/// rounding of a coordinate, and by how much more a shear along an axis that is not the dominant one adds to it.
+#[inline(always)]
+pub(crate) fn triangle<S: Simd>(
+    simd: S,
+    [[ax, ay, az], [bx, by, bz], [cx, cy, cz]]: [[S::F32; 3]; 3],
+    sz: S::F32,
+    [unit, scale]: [f32; 2],
+    span: &SpanLanes<S>,
+    front: <S::F32 as Lanes>::Mask,
+    back: <S::F32 as Lanes>::Mask,
+) -> Intervals<S> {
+    let u = cx * by - cy * bx;
+    let v = ax * cy - ay * cx;
+    let w = bx * ay - by * ax;
+    let size = ax.abs().max(ay.abs()).max(bx.abs().max(by.abs())).max(cx.abs().max(cy.abs()));
+    let vertex_error = scale * VERTEX_MARGIN * unit;
+    // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
+    let error = size
+        .mul_add(simd.splat_f32(8.0 * vertex_error), simd.splat_f32(4.0 * vertex_error * vertex_error));
+    let least = u.min(v).min(w);
+    let greatest = u.max(v).max(w);
+    let twice = error + error;
+    let possible = (least.ge(-error) & front) | (greatest.le(error) & back);
+    let sure = (least.gt(twice) & front) | (greatest.lt(-twice) & back);
+    let (a_depth, b_depth, c_depth) = (sz * az, sz * bz, sz * cz);
+    let nearest = a_depth.min(b_depth).min(c_depth);
+    let range = a_depth.max(b_depth).max(c_depth) - nearest;
+    let determinant = u + v + w;
+    let inverse = simd.splat_f32(1.0) / determinant;
+    let t = u.mul_add(a_depth, v.mul_add(b_depth, w * c_depth)) * inverse;
+    let slack = simd.splat_f32(scale * TRIANGLE_DISTANCE_MARGIN * unit);
+    let weights = simd.splat_f32(6.5) * error * range * inverse.abs();
+    let low = (t - (weights + slack)).select(sure, nearest - slack);
+    let high = t + (weights + slack);
+    let possible = possible & low.le(span.ends) & !(sure & high.lt(span.start));
+    Intervals {
+        possible,
+        sure: sure & possible & low.gt(span.start_above) & high.lt(span.end_below),
+        low,
+        high,
+    }
+}
+
+impl<const W: usize> TriangleBlock<W> {
+    /// A triangle's vertices, the same in every lane.
+    #[inline(always)]
+    pub(crate) fn one<S: Simd>(&self, simd: S, lane: usize, axes: [usize; 3]) -> [[S::F32; 3]; 3] {
+        let [x, y, z] = axes;
+        let mut vertices = [[simd.splat_f32(0.0); 3]; 3];
+        for (v, vertex) in vertices.iter_mut().enumerate() {
+            *vertex = [
+                simd.splat_f32(self.vertices[3 * v + x][lane]),
+                simd.splat_f32(self.vertices[3 * v + y][lane]),
+                simd.splat_f32(self.vertices[3 * v + z][lane]),
+            ];
+        }
+        vertices
+    }
+}
+
+impl<S: Simd, const W: usize> Planes<S> for TriangleBlock<W> {
+    #[inline(always)]
+    fn plane(&self, simd: S, plane: usize) -> S::F32 {
+        let k = plane % 3;
+        let a = simd.load_f32(&self.vertices[k]);
+        let (b, c) = (simd.load_f32(&self.vertices[3 + k]), simd.load_f32(&self.vertices[6 + k]));
+        if plane < 3 { a.min(b).min(c) } else { a.max(b).max(c) }
     }
 }
 

@@ -17,16 +17,21 @@
 //! ```
 
 mod build;
+mod bundle;
 mod frame;
 mod hierarchy;
 mod interval;
 mod node;
+mod packet;
 mod ray;
 mod shapes;
+mod together;
 mod traverse;
 
+pub use bundle::{BundleScratch, Bundled};
 pub use hierarchy::{Hierarchy, Scratch};
 pub use interval::{SPHERE_MARGIN, VERTEX_MARGIN};
+pub use packet::{RayColumns, SHAFT_MARGIN};
 pub use ray::SLAB_MARGIN;
 pub use shapes::Hit;
 pub use traverse::Steps;

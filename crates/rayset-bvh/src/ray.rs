@@ -12,9 +12,12 @@ use crate::frame::{Frame, round_down, round_up};
 /// Derived in `docs/numerics.md`.
 pub const SLAB_MARGIN: f64 = 96.0 / 16_777_216.0;
 
+/// The rounding of single precision.
+pub(crate) const SINGLE: f64 = 1.0 / 16_777_216.0;
+
 /// How far a computed hit may lie off its primitive's box, relative to the coordinates involved, in double precision:
 /// twice `PARTITION_MARGIN`.
-const HIT_MARGIN: f64 = 2.0 * rayset_geometry::PARTITION_MARGIN;
+pub(crate) const HIT_MARGIN: f64 = 2.0 * rayset_geometry::PARTITION_MARGIN;
 
 /// An origin farther out than this is moved along the ray first; in units of culling space.
 const FAR: f64 = 4.0;

@@ -24,21 +24,21 @@ pub struct Hit {
 impl Hit {
     /// Whether this hit comes before another in the order `(t, primitive)`.
     #[inline(always)]
-    fn precedes(&self, other: &Self) -> bool {
+    pub(crate) fn precedes(&self, other: &Self) -> bool {
         self.t < other.t || (self.t.total_cmp(&other.t).is_eq() && self.primitive < other.primitive)
     }
 }
 
 /// Primitives of one kind and visibility in a leaf.
 #[derive(Clone, Debug)]
-struct Run {
-    kind: PrimitiveKind,
-    sides: Sides,
+pub(crate) struct Run {
+    pub(crate) kind: PrimitiveKind,
+    pub(crate) sides: Sides,
     /// Whether the leaf goes on with the next run.
-    goes_on: bool,
+    pub(crate) goes_on: bool,
     len: u16,
     /// The index of the first among those of its kind.
-    first: u32,
+    pub(crate) first: u32,
     /// The index of the block, of a sphere or triangle.
     block: u32,
 }
@@ -238,6 +238,60 @@ impl<const W: usize> Shapes<W> {
             }
             _ => self.triangle_blocks[run.block as usize].intervals(&ray.leaf, end, front, back),
         }
+    }
+
+    /// All runs.
+    #[inline(always)]
+    pub(crate) fn runs(&self) -> &[Run] {
+        &self.runs
+    }
+
+    /// Whether everything stands in blocks: spheres and triangles.
+    pub(crate) fn has_blocks_only(&self) -> bool {
+        let is_empty = |kind: PrimitiveKind| self.numbers[kind as usize].is_empty();
+        is_empty(PrimitiveKind::Polygon) && is_empty(PrimitiveKind::Cone)
+    }
+
+    #[inline(always)]
+    pub(crate) fn sphere_block(&self, run: &Run) -> &SphereBlock<W> {
+        &self.sphere_blocks[run.block as usize]
+    }
+
+    #[inline(always)]
+    pub(crate) fn triangle_block(&self, run: &Run) -> &TriangleBlock<W> {
+        &self.triangle_blocks[run.block as usize]
+    }
+
+    /// What a ray leaves, by its place.
+    #[inline(always)]
+    pub(crate) fn departure(&self, from: Option<(u32, Side)>) -> Option<Departure> {
+        match from {
+            None => None,
+            Some((primitive, side)) => {
+                let (kind, index) = self.places[primitive as usize];
+                Some(Departure { kind, index, side })
+            }
+        }
+    }
+
+    /// The exact hit of a sphere or triangle by a ray that is not prepared.
+    pub(crate) fn exact_alone(
+        &self,
+        ray: &Ray,
+        span: Span,
+        departure: Option<Departure>,
+        run: &Run,
+        index: u32,
+    ) -> Option<Hit> {
+        let side = departure.filter(|d| d.kind == run.kind && d.index == index).map(|d| d.side);
+        let t = match run.kind {
+            PrimitiveKind::Sphere => self.spheres[index as usize].intersect(ray, span, run.sides, side),
+            _ => {
+                let probe = Probe::new(Scalar, ray, span, true);
+                self.triangles[index as usize].intersect(&probe, run.sides, side)
+            }
+        };
+        t.map(|t| Hit { t, primitive: self.numbers[run.kind as usize][index as usize] })
     }
 
     /// The hit that was known by an interval only.

@@ -23,7 +23,7 @@ pub struct Steps {
 /// What is still to visit: children, and where the ray enters them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stack {
-    entries: Vec<(Child, f32)>,
+    pub(crate) entries: Vec<(Child, f32)>,
 }
 
 impl Stack {

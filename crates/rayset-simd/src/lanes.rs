@@ -105,6 +105,12 @@ pub trait CullLanes: Lanes<Scalar = f32> {
     /// `self * factor + term`, rounded once or twice.
     #[must_use]
     fn mul_add(self, factor: Self, term: Self) -> Self;
+    /// The least lane; which of several zeros, or what where one is NaN, is not specified.
+    #[must_use]
+    fn least(self) -> f32;
+    /// The greatest lane; which of several zeros, or what where one is NaN, is not specified.
+    #[must_use]
+    fn greatest(self) -> f32;
     /// Moves the lanes that are set to the front of `out`, in their order; what stands in `out` after them is not
     /// specified.
     ///

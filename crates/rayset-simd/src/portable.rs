@@ -150,6 +150,14 @@ impl CullLanes for F32x8 {
         self * factor + term
     }
     #[inline(always)]
+    fn least(self) -> f32 {
+        self.0.into_iter().fold(f32::INFINITY, f32::min)
+    }
+    #[inline(always)]
+    fn greatest(self) -> f32 {
+        self.0.into_iter().fold(f32::NEG_INFINITY, f32::max)
+    }
+    #[inline(always)]
     fn compress(self, mask: M32x8, out: &mut [f32]) {
         compress(mask, self.0, out);
     }

@@ -93,6 +93,8 @@ impl Kernel for CullingOnly<'_> {
                 * (f64::from(self.a[i]) * f64::from(self.b[i])).abs().max(exact.abs());
             assert!((f64::from(sum.lane(i)) - exact).abs() <= bound, "{} off {exact}", sum.lane(i));
         }
+        let fold = |f: fn(f32, f32) -> f32| self.a[1..n].iter().copied().fold(self.a[0], f);
+        assert_eq!((a.least(), a.greatest()), (fold(f32::min), fold(f32::max)));
         let mask = simd.mask_f32(self.mask);
         let lanes: Vec<usize> = (0..n).filter(|lane| mask.bits() >> lane & 1 == 1).collect();
         let (mut front, mut ids) = ([0.0; MAX_LANES], [0; MAX_LANES]);

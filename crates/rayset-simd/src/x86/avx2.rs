@@ -134,6 +134,26 @@ impl CullLanes for Avx2F32 {
     }
 
     #[inline(always)]
+    fn least(self) -> f32 {
+        // SAFETY: see `register_lanes`. Halves, quarters, pairs.
+        unsafe {
+            let half = _mm_min_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+            let quarter = _mm_min_ps(half, _mm_movehl_ps(half, half));
+            _mm_cvtss_f32(_mm_min_ss(quarter, _mm_shuffle_ps::<1>(quarter, quarter)))
+        }
+    }
+
+    #[inline(always)]
+    fn greatest(self) -> f32 {
+        // SAFETY: see `register_lanes`. Halves, quarters, pairs.
+        unsafe {
+            let half = _mm_max_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+            let quarter = _mm_max_ps(half, _mm_movehl_ps(half, half));
+            _mm_cvtss_f32(_mm_max_ss(quarter, _mm_shuffle_ps::<1>(quarter, quarter)))
+        }
+    }
+
+    #[inline(always)]
     fn compress(self, mask: Avx2M32, out: &mut [f32]) {
         let out = &mut out[..8];
         // SAFETY: see `register_lanes`; the slice holds a register.

@@ -88,6 +88,18 @@ impl CullLanes for Avx512F32 {
     }
 
     #[inline(always)]
+    fn least(self) -> f32 {
+        // SAFETY: see `register_lanes`.
+        unsafe { _mm512_reduce_min_ps(self.0) }
+    }
+
+    #[inline(always)]
+    fn greatest(self) -> f32 {
+        // SAFETY: see `register_lanes`.
+        unsafe { _mm512_reduce_max_ps(self.0) }
+    }
+
+    #[inline(always)]
     fn compress(self, mask: Avx512M32, out: &mut [f32]) {
         let out = &mut out[..16];
         // SAFETY: see `register_lanes`. Compressing in a register and storing it whole is several times faster than

@@ -1,0 +1,192 @@
+//! Rays traced together have the bits of a loop over all primitives, one by one.
+
+use proptest::prelude::*;
+use rayset_bvh::{Bundled, Hierarchy, Hit, RayColumns};
+use rayset_geometry::glam::{DVec3, dvec3};
+use rayset_geometry::{Primitive, PrimitiveColumns, Ray, Side, Sides, Span, Sphere, Triangle, unit};
+use rayset_simd::{Backend, Kernel, Simd};
+
+/// Rays as columns, and what each leaves.
+#[derive(Debug, Default)]
+struct List {
+    origins: [Vec<f64>; 3],
+    directions: [Vec<f64>; 3],
+    starts: Vec<f64>,
+    ends: Vec<f64>,
+    left: Vec<Option<(u32, Side)>>,
+}
+
+impl List {
+    fn push(&mut self, ray: &Ray, span: Span, left: Option<(u32, Side)>) {
+        for k in 0..3 {
+            self.origins[k].push(ray.origin()[k]);
+            self.directions[k].push(ray.direction()[k]);
+        }
+        self.starts.push(span.start);
+        self.ends.push(span.end);
+        self.left.push(left);
+    }
+
+    fn ray(&self, i: usize) -> (Ray, Span) {
+        let at = |columns: &[Vec<f64>; 3]| dvec3(columns[0][i], columns[1][i], columns[2][i]);
+        (Ray::new(at(&self.origins), at(&self.directions)), Span { start: self.starts[i], end: self.ends[i] })
+    }
+}
+
+struct Together<'a> {
+    hierarchy: &'a Hierarchy,
+    list: &'a List,
+}
+
+impl Kernel for Together<'_> {
+    type Output = (Vec<Option<Hit>>, Vec<bool>, Bundled);
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
+        let list = self.list;
+        let rays = RayColumns {
+            origins: [&list.origins[0], &list.origins[1], &list.origins[2]],
+            directions: [&list.directions[0], &list.directions[1], &list.directions[2]],
+            spans: (&list.starts, &list.ends),
+        };
+        let n = list.left.len();
+        let members: Vec<u32> = (0..).take(n).collect();
+        let (mut hits, mut occluded) = (vec![None; n], vec![false; n]);
+        let mut scratch = self.hierarchy.bundle_scratch();
+        self.hierarchy.nearest_bundle_on(simd, &rays, &list.left, &members, &mut hits, &mut scratch);
+        self.hierarchy.occluded_bundle_on(simd, &rays, &list.left, &members, &mut occluded, &mut scratch);
+        (hits, occluded, scratch.bundled)
+    }
+}
+
+/// Compares with a loop; returns how many rays were answered together.
+fn check(primitives: &[(Primitive, Sides)], list: &List) -> u64 {
+    let mut columns = PrimitiveColumns::default();
+    let items: Vec<_> = primitives
+        .iter()
+        .map(|(primitive, sides)| {
+            let run = columns.push(primitive, *sides);
+            (run.kind, run.range.start, *sides)
+        })
+        .collect();
+    let expected: Vec<Option<Hit>> = (0..list.left.len())
+        .map(|i| {
+            let (ray, span) = list.ray(i);
+            let mut nearest: Option<Hit> = None;
+            for (number, (primitive, sides)) in (0_u32..).zip(primitives) {
+                let departure = list.left[i].filter(|left| left.0 == number).map(|left| left.1);
+                if let Some(t) = primitive.intersect(&ray, span, *sides, departure)
+                    && nearest.is_none_or(|nearest| t < nearest.t)
+                {
+                    nearest = Some(Hit { t, primitive: number });
+                }
+            }
+            nearest
+        })
+        .collect();
+    let mut together = 0;
+    for &backend in Backend::available() {
+        let hierarchy = Hierarchy::over(&columns, &items, backend);
+        let (hits, occluded, bundled) = backend.run(Together { hierarchy: &hierarchy, list });
+        together += bundled.together;
+        for (i, expected) in expected.iter().enumerate() {
+            let bits = |hit: &Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.primitive));
+            assert_eq!(bits(&hits[i]), bits(expected), "{backend}, ray {i}: {:?}, {:?}", list.ray(i), list.left[i]);
+            assert_eq!(occluded[i], expected.is_some(), "{backend}, ray {i}: {:?}", list.ray(i));
+        }
+    }
+    together
+}
+
+fn point() -> impl Strategy<Value = DVec3> {
+    (-1.0..1.0, -1.0..1.0, -1.0..1.0).prop_map(|(x, y, z)| dvec3(x, y, z))
+}
+
+/// A coordinate of a lattice: many coincide.
+fn lattice() -> impl Strategy<Value = DVec3> {
+    (-2..=2, -2..=2, -2..=2).prop_map(|(x, y, z)| 0.5 * dvec3(f64::from(x), f64::from(y), f64::from(z)))
+}
+
+fn any_point() -> impl Strategy<Value = DVec3> {
+    prop_oneof![point(), lattice()]
+}
+
+fn primitive() -> impl Strategy<Value = Primitive> {
+    let radius = prop_oneof![0.01..0.3, Just(0.25), Just(0.5), Just(0.0)];
+    prop_oneof![
+        (any_point(), radius).prop_map(|(center, radius)| Sphere::new(center, radius).into()),
+        (any_point(), any_point(), any_point(), 0.01..1.0)
+            .prop_map(|(a, b, c, size)| Triangle::new(a, a + size * (b - a), a + size * (c - a)).into()),
+    ]
+}
+
+fn sides() -> impl Strategy<Value = Sides> {
+    prop_oneof![Just(Sides::Both), Just(Sides::Front), Just(Sides::Back)]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
+    #[test]
+    fn rays_together_have_the_bits_of_a_loop(
+        primitives in prop::collection::vec((primitive(), sides()), 1..150),
+        eye in any_point(),
+        far in prop::sample::select(vec![0.0, 1.0, 3.0]),
+        target in any_point(),
+        spread in prop::sample::select(vec![0.0, 1e-9, 1e-3, 0.1, 0.5]),
+        parallel in any::<bool>(),
+        jitter in prop::collection::vec((point(), prop::option::of((any::<prop::sample::Index>(), any::<bool>()))), 1..80),
+        end in prop::sample::select(vec![f64::INFINITY, 0.5, 1.0, 2.0]),
+        scale in prop::sample::select(vec![1.0, 1e-100, 1e6]),
+        shift in prop::sample::select(vec![0.0, 0.0, 1e3]),
+    ) {
+        let place = |p: DVec3| scale * (p + DVec3::splat(shift));
+        let primitives: Vec<(Primitive, Sides)> = primitives
+            .into_iter()
+            .map(|(primitive, sides)| {
+                let moved = match primitive {
+                    Primitive::Sphere(s) => Sphere::new(place(s.center()), scale * s.radius()).into(),
+                    Primitive::Triangle(t) => {
+                        let [a, b, c] = t.vertices().map(place);
+                        Triangle::new(a, b, c).into()
+                    }
+                    other => other,
+                };
+                (moved, sides)
+            })
+            .collect();
+        let axis = unit(target - eye).unwrap_or(DVec3::NEG_Z);
+        let eye = eye - far * axis;
+        let mut list = List::default();
+        for (offset, left) in &jitter {
+            // From one point to several, or side by side.
+            let origin = if parallel { eye + spread * *offset } else { eye };
+            let direction = unit(axis + if parallel { DVec3::ZERO } else { spread * *offset }).unwrap_or(axis);
+            let left = left.map(|(index, front)| {
+                let number = u32::try_from(index.index(primitives.len())).unwrap();
+                (number, if front { Side::Front } else { Side::Back })
+            });
+            list.push(&Ray::new(place(origin), direction), Span { start: 0.0, end: scale * (end + far) }, left);
+        }
+        check(&primitives, &list);
+    }
+}
+
+#[test]
+fn rays_of_one_eye_are_answered_together() {
+    let spheres: Vec<_> = (0..500)
+        .map(|i| {
+            let at = |k: f64| 2.0 * (f64::from(i) * k).fract() - 1.0;
+            let center = dvec3(at(0.618_033_9), at(0.754_877_7), at(0.569_840_3));
+            (Primitive::from(Sphere::new(center, 0.05)), Sides::Both)
+        })
+        .collect();
+    let mut list = List::default();
+    for y in 0..16 {
+        for x in 0..16 {
+            let direction = unit(dvec3(f64::from(x) * 0.01, f64::from(y) * 0.01, 1.0)).unwrap();
+            list.push(&Ray::new(dvec3(0.0, 0.0, -3.0), direction), Span::FORWARD, None);
+        }
+    }
+    let rays = 2 * 256 * Backend::available().len() as u64;
+    let together = check(&spheres, &list);
+    assert!(10 * together > 9 * rays, "{together} of {rays}");
+}
