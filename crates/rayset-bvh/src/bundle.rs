@@ -31,6 +31,13 @@ pub struct BundleScratch {
     pub single: Scratch,
     /// How the rays were answered.
     pub bundled: Bundled,
+    /// What is known of each class of rays.
+    classes: [Class; N_CLASSES],
+}
+
+/// How the rays of a class fared so far.
+#[derive(Clone, Copy, Debug)]
+struct Class {
     /// How many packets are not tried.
     wait: u32,
     /// How many will not be tried after the next that is given up.
@@ -38,6 +45,9 @@ pub struct BundleScratch {
     /// Steps and number of the rays traced alone.
     alone: (u64, u64),
 }
+
+/// How many classes of rays are told apart, at most.
+const N_CLASSES: usize = 64;
 
 /// How many rays each stage answered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,7 +60,7 @@ pub struct Bundled {
     pub alone: u64,
 }
 
-impl BundleScratch {
+impl Class {
     /// Whether to try the next packet.
     fn is_due(&mut self) -> bool {
         self.wait = self.wait.saturating_sub(1);
@@ -80,16 +90,15 @@ impl Hierarchy {
         BundleScratch {
             single: self.scratch(),
             bundled: Bundled::default(),
-            wait: 1,
-            next_wait: 1,
-            alone: (0, 0),
+            classes: [Class { wait: 1, next_wait: 1, alone: (0, 0) }; N_CLASSES],
         }
     }
 
     /// The least hits of the rays whose indices are `members`, in a kernel that runs on the lanes the hierarchy was built
     /// for; `left` are the primitives that all rays of the columns leave, and the answers go to the rays' places.
     ///
-    /// Rays that are near each other in `members` should be near each other in space.
+    /// Rays that are near each other in `members` should be near each other in space. Whether packets pay is found out for
+    /// each `class` of rays by itself; numbers that differ by 64 share one.
     ///
     /// # Panics
     ///
@@ -101,15 +110,16 @@ impl Hierarchy {
         rays: &RayColumns<'_>,
         left: &[Option<(u32, Side)>],
         members: &[u32],
+        class: usize,
         hits: &mut [Option<Hit>],
         scratch: &mut BundleScratch,
     ) {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.nearest_bundle(simd, &self.frame, rays, left, members, hits, scratch);
+                wide.nearest_bundle(simd, &self.frame, rays, left, members, class, hits, scratch);
             }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.nearest_bundle(simd, &self.frame, rays, left, members, hits, scratch);
+                wide.nearest_bundle(simd, &self.frame, rays, left, members, class, hits, scratch);
             }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
@@ -127,15 +137,16 @@ impl Hierarchy {
         rays: &RayColumns<'_>,
         left: &[Option<(u32, Side)>],
         members: &[u32],
+        class: usize,
         occluded: &mut [bool],
         scratch: &mut BundleScratch,
     ) {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.occluded_bundle(simd, &self.frame, rays, left, members, occluded, scratch);
+                wide.occluded_bundle(simd, &self.frame, rays, left, members, class, occluded, scratch);
             }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.occluded_bundle(simd, &self.frame, rays, left, members, occluded, scratch);
+                wide.occluded_bundle(simd, &self.frame, rays, left, members, class, occluded, scratch);
             }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
@@ -179,7 +190,10 @@ impl<const W: usize> Wide<W> {
     }
 
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "rays, what they are traced with, and where the answers go")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "rays, what they are traced with, and where the answers go"
+    )]
     fn nearest_bundle<S: Simd>(
         &self,
         simd: S,
@@ -187,22 +201,23 @@ impl<const W: usize> Wide<W> {
         rays: &RayColumns<'_>,
         left: &[Option<(u32, Side)>],
         members: &[u32],
+        class: usize,
         hits: &mut [Option<Hit>],
         scratch: &mut BundleScratch,
     ) {
-        let suits = self.shapes.suits_packets();
+        let (suits, class) = (self.shapes.suits_packets(), class % N_CLASSES);
         for members in members.chunks(W) {
             let mut known = [None; W];
-            if suits && members.len() >= LEAST_PACKET && scratch.is_due() {
-                if self.nearest_together(simd, frame, rays, left, members, &mut known, scratch) {
-                    scratch.succeed();
+            if suits && members.len() >= LEAST_PACKET && scratch.classes[class].is_due() {
+                if self.nearest_together(simd, frame, rays, left, members, class, &mut known, scratch) {
+                    scratch.classes[class].succeed();
                     scratch.bundled.together += members.len() as u64;
                     for (&i, hit) in members.iter().zip(known) {
                         hits[i as usize] = hit;
                     }
                     continue;
                 }
-                scratch.give_up();
+                scratch.classes[class].give_up();
                 scratch.bundled.given_up += members.len() as u64;
             } else {
                 scratch.bundled.alone += members.len() as u64;
@@ -214,8 +229,8 @@ impl<const W: usize> Wide<W> {
                     self.nearest(simd, frame, &ray, span, left[i as usize], known, &mut scratch.single);
             }
             let after = scratch.single.steps;
-            scratch.alone.0 += after.nodes + after.leaves - before.nodes - before.leaves;
-            scratch.alone.1 += members.len() as u64;
+            scratch.classes[class].alone.0 += after.nodes + after.leaves - before.nodes - before.leaves;
+            scratch.classes[class].alone.1 += members.len() as u64;
         }
     }
 
@@ -229,6 +244,7 @@ impl<const W: usize> Wide<W> {
         rays: &RayColumns<'_>,
         left: &[Option<(u32, Side)>],
         members: &[u32],
+        class: usize,
         known: &mut [Option<Hit>; W],
         scratch: &mut BundleScratch,
     ) -> bool {
@@ -236,7 +252,7 @@ impl<const W: usize> Wide<W> {
         let gathered = self.gather(rays, left, members);
         let exact = gathered.exact();
         let mut found = Found::nothing(simd, &packet);
-        let budget = scratch.budget();
+        let budget = scratch.classes[class].budget();
         let Scratch { stack, steps, primitive_tests } = &mut scratch.single;
         let stack = stack.entries.as_mut_slice();
         let (mut height, mut spent) = (0, 0);
@@ -284,22 +300,23 @@ impl<const W: usize> Wide<W> {
         rays: &RayColumns<'_>,
         left: &[Option<(u32, Side)>],
         members: &[u32],
+        class: usize,
         occluded: &mut [bool],
         scratch: &mut BundleScratch,
     ) {
-        let suits = self.shapes.suits_packets();
+        let (suits, class) = (self.shapes.suits_packets(), class % N_CLASSES);
         for members in members.chunks(W) {
             let mut hidden = 0;
-            if suits && members.len() >= LEAST_PACKET && scratch.is_due() {
-                if self.occluded_together(simd, frame, rays, left, members, &mut hidden, scratch) {
-                    scratch.succeed();
+            if suits && members.len() >= LEAST_PACKET && scratch.classes[class].is_due() {
+                if self.occluded_together(simd, frame, rays, left, members, class, &mut hidden, scratch) {
+                    scratch.classes[class].succeed();
                     scratch.bundled.together += members.len() as u64;
                     for (lane, &i) in members.iter().enumerate() {
                         occluded[i as usize] = hidden >> lane & 1 == 1;
                     }
                     continue;
                 }
-                scratch.give_up();
+                scratch.classes[class].give_up();
                 scratch.bundled.given_up += members.len() as u64;
             } else {
                 scratch.bundled.alone += members.len() as u64;
@@ -311,8 +328,8 @@ impl<const W: usize> Wide<W> {
                     || self.occluded(simd, frame, &ray, span, left[i as usize], &mut scratch.single);
             }
             let after = scratch.single.steps;
-            scratch.alone.0 += after.nodes + after.leaves - before.nodes - before.leaves;
-            scratch.alone.1 += members.len() as u64;
+            scratch.classes[class].alone.0 += after.nodes + after.leaves - before.nodes - before.leaves;
+            scratch.classes[class].alone.1 += members.len() as u64;
         }
     }
 
@@ -326,6 +343,7 @@ impl<const W: usize> Wide<W> {
         rays: &RayColumns<'_>,
         left: &[Option<(u32, Side)>],
         members: &[u32],
+        class: usize,
         hidden: &mut u32,
         scratch: &mut BundleScratch,
     ) -> bool {
@@ -333,7 +351,7 @@ impl<const W: usize> Wide<W> {
         let gathered = self.gather(rays, left, members);
         let exact = gathered.exact();
         let all = u32::MAX >> (32 - members.len());
-        let budget = scratch.budget();
+        let budget = scratch.classes[class].budget();
         let Scratch { stack, steps, primitive_tests } = &mut scratch.single;
         let stack = stack.entries.as_mut_slice();
         let (mut height, mut spent) = (0, 0);

@@ -148,7 +148,17 @@ impl<const W: usize> SphereBlock<W> {
         let center = [simd.load_f32(x), simd.load_f32(y), simd.load_f32(z)];
         let span = ray.span(end);
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
-        sphere(simd, center, simd.load_f32(&self.radius), ray.origin, ray.direction, ray.unit, &span, front, back)
+        sphere(
+            simd,
+            center,
+            simd.load_f32(&self.radius),
+            ray.origin,
+            ray.direction,
+            ray.unit,
+            &span,
+            front,
+            back,
+        )
     }
 
     /// A sphere, the same in every lane: centre and radius.
@@ -208,8 +218,7 @@ pub(crate) fn sphere<S: Simd>(
     let may_enter = real & front & near_high.ge(span.start) & near_low.le(ends);
     let may_leave = real & back & far_high.ge(span.start) & far_low.le(ends);
     let enters = surely_real & front & near_low.gt(span.start_above) & near_high.lt(span.end_below);
-    let leaves =
-        surely_real & !may_enter & back & far_low.gt(span.start_above) & far_high.lt(span.end_below);
+    let leaves = surely_real & !may_enter & back & far_low.gt(span.start_above) & far_high.lt(span.end_below);
     Intervals {
         possible: may_enter | may_leave,
         sure: enters | leaves,
@@ -275,8 +284,8 @@ pub(crate) fn triangle<S: Simd>(
     let size = ax.abs().max(ay.abs()).max(bx.abs().max(by.abs())).max(cx.abs().max(cy.abs()));
     let vertex_error = scale * VERTEX_MARGIN * unit;
     // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
-    let error = size
-        .mul_add(simd.splat_f32(8.0 * vertex_error), simd.splat_f32(4.0 * vertex_error * vertex_error));
+    let error =
+        size.mul_add(simd.splat_f32(8.0 * vertex_error), simd.splat_f32(4.0 * vertex_error * vertex_error));
     let least = u.min(v).min(w);
     let greatest = u.max(v).max(w);
     let twice = error + error;

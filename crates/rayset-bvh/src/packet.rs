@@ -224,10 +224,12 @@ impl<S: Simd> Packet<S> {
         let mut met = end.ge(simd.splat_f32(self.first)) & begin.le(simd.splat_f32(reach));
         let [above, below] = &self.lines[0];
         met = met & planes.plane(simd, x).le(planes.plane(simd, above.plane).mul_add(above.slope, above.at));
-        met = met & planes.plane(simd, 3 + x).ge(planes.plane(simd, below.plane).mul_add(below.slope, below.at));
+        met = met
+            & planes.plane(simd, 3 + x).ge(planes.plane(simd, below.plane).mul_add(below.slope, below.at));
         let [above, below] = &self.lines[1];
         met = met & planes.plane(simd, y).le(planes.plane(simd, above.plane).mul_add(above.slope, above.at));
-        met = met & planes.plane(simd, 3 + y).ge(planes.plane(simd, below.plane).mul_add(below.slope, below.at));
+        met = met
+            & planes.plane(simd, 3 + y).ge(planes.plane(simd, below.plane).mul_add(below.slope, below.at));
         (met, begin)
     }
 

@@ -214,7 +214,12 @@ impl<const W: usize> Shapes<W> {
     }
 
     /// What a lane has found.
-    pub(crate) fn finish<S: Simd>(&self, exact: &Exact<'_>, found: &mut Found<S, W>, lane: usize) -> Option<Hit> {
+    pub(crate) fn finish<S: Simd>(
+        &self,
+        exact: &Exact<'_>,
+        found: &mut Found<S, W>,
+        lane: usize,
+    ) -> Option<Hit> {
         self.settle(exact, found, lane)
     }
 

@@ -52,8 +52,8 @@ impl Kernel for Together<'_> {
         let members: Vec<u32> = (0..).take(n).collect();
         let (mut hits, mut occluded) = (vec![None; n], vec![false; n]);
         let mut scratch = self.hierarchy.bundle_scratch();
-        self.hierarchy.nearest_bundle_on(simd, &rays, &list.left, &members, &mut hits, &mut scratch);
-        self.hierarchy.occluded_bundle_on(simd, &rays, &list.left, &members, &mut occluded, &mut scratch);
+        self.hierarchy.nearest_bundle_on(simd, &rays, &list.left, &members, 0, &mut hits, &mut scratch);
+        self.hierarchy.occluded_bundle_on(simd, &rays, &list.left, &members, 1, &mut occluded, &mut scratch);
         (hits, occluded, scratch.bundled)
     }
 }
@@ -90,7 +90,13 @@ fn check(primitives: &[(Primitive, Sides)], list: &List) -> u64 {
         together += bundled.together;
         for (i, expected) in expected.iter().enumerate() {
             let bits = |hit: &Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.primitive));
-            assert_eq!(bits(&hits[i]), bits(expected), "{backend}, ray {i}: {:?}, {:?}", list.ray(i), list.left[i]);
+            assert_eq!(
+                bits(&hits[i]),
+                bits(expected),
+                "{backend}, ray {i}: {:?}, {:?}",
+                list.ray(i),
+                list.left[i]
+            );
             assert_eq!(occluded[i], expected.is_some(), "{backend}, ray {i}: {:?}", list.ray(i));
         }
     }
@@ -114,8 +120,12 @@ fn primitive() -> impl Strategy<Value = Primitive> {
     let radius = prop_oneof![0.01..0.3, Just(0.25), Just(0.5), Just(0.0)];
     prop_oneof![
         (any_point(), radius).prop_map(|(center, radius)| Sphere::new(center, radius).into()),
-        (any_point(), any_point(), any_point(), 0.01..1.0)
-            .prop_map(|(a, b, c, size)| Triangle::new(a, a + size * (b - a), a + size * (c - a)).into()),
+        (any_point(), any_point(), any_point(), 0.01..1.0).prop_map(|(a, b, c, size)| Triangle::new(
+            a,
+            a + size * (b - a),
+            a + size * (c - a)
+        )
+        .into()),
     ]
 }
 

@@ -53,9 +53,9 @@ pub use stats::{CoherenceCounts, Stats, Work};
 #[cfg(feature = "mutations")]
 pub use strategies::Condition;
 pub use strategies::{
-    BlockerRule, Cellular, Coherent, EndPlaneRule, Hierarchical, InheritanceRule, LightRule, MatchRule,
-    MissRule, OriginatingRule, SlabRule, Speer1985, Speer1985Options, Standard, StrategyKind, UnknownReading,
-    UnknownStrategy,
+    BlockerRule, Bundle, Cellular, Coherent, EndPlaneRule, Hierarchical, InheritanceRule, LightRule,
+    MatchRule, MissRule, OriginatingRule, SlabRule, Speer1985, Speer1985Options, Standard, StrategyKind,
+    UnknownReading, UnknownStrategy,
 };
 pub use strategy::{IntersectionStrategy, Recording, Tracer};
 

@@ -35,7 +35,7 @@ impl<'s> Hierarchical<'s> {
 }
 
 /// A hierarchy of all primitives of a scene, numbered by their ids.
-fn hierarchy_of(scene: &Scene, backend: Backend) -> Hierarchy {
+pub(super) fn hierarchy_of(scene: &Scene, backend: Backend) -> Hierarchy {
     let mut items: Vec<_> = (0..scene.n_primitives())
         .map(|id| {
             let location = scene.location(PrimitiveId(u32::try_from(id).expect("ids have 32 bits")));
@@ -84,6 +84,13 @@ struct HierarchicalTracer<'s> {
     stats: Stats,
 }
 
+/// A hit with its object.
+#[inline(always)]
+pub(super) fn hit_of(scene: &Scene, hit: rayset_bvh::Hit) -> Hit {
+    let primitive = PrimitiveId(hit.primitive);
+    Hit { t: hit.t, object: scene.volume_object(scene.location(primitive).volume), primitive }
+}
+
 impl HierarchicalTracer<'_> {
     /// Takes over what the hierarchy has counted.
     #[inline(always)]
@@ -105,10 +112,7 @@ impl LaneTracer for HierarchicalTracer<'_> {
         let from = query.originating.as_ref().map(from);
         let hit = self.hierarchy.nearest_on(simd, &query.ray, query.span, from, &mut self.scratch);
         self.count::<S>();
-        let hit = hit?;
-        let primitive = PrimitiveId(hit.primitive);
-        let object = self.scene.volume_object(self.scene.location(primitive).volume);
-        Some(Hit { t: hit.t, object, primitive })
+        Some(hit_of(self.scene, hit?))
     }
 
     #[inline(always)]

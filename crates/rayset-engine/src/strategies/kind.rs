@@ -6,7 +6,9 @@ use std::str::FromStr;
 use rayset_scene::Scene;
 use rayset_simd::Backend;
 
-use crate::{Cellular, Coherent, Hierarchical, IntersectionStrategy, Speer1985, Speer1985Options, Standard};
+use crate::{
+    Bundle, Cellular, Coherent, Hierarchical, IntersectionStrategy, Speer1985, Speer1985Options, Standard,
+};
 
 /// A strategy, not yet bound to a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -22,6 +24,8 @@ pub enum StrategyKind {
     Cellular,
     /// [`Hierarchical`].
     Hierarchical,
+    /// [`Bundle`].
+    Bundle,
 }
 
 /// The text is not the name of a strategy.
@@ -33,7 +37,7 @@ pub struct UnknownStrategy {
 impl StrategyKind {
     /// Every strategy.
     pub const ALL: &[Self] =
-        &[Self::Standard, Self::Speer1985, Self::Coherent, Self::Cellular, Self::Hierarchical];
+        &[Self::Standard, Self::Speer1985, Self::Coherent, Self::Cellular, Self::Hierarchical, Self::Bundle];
 
     /// The name by which options and reports know it.
     #[must_use]
@@ -44,6 +48,7 @@ impl StrategyKind {
             Self::Coherent => "coherent",
             Self::Cellular => "cellular",
             Self::Hierarchical => "hierarchical",
+            Self::Bundle => "bundle",
         }
     }
 
@@ -51,7 +56,7 @@ impl StrategyKind {
     #[must_use]
     pub fn is_exact(self) -> bool {
         match self {
-            Self::Standard | Self::Coherent | Self::Cellular | Self::Hierarchical => true,
+            Self::Standard | Self::Coherent | Self::Cellular | Self::Hierarchical | Self::Bundle => true,
             Self::Speer1985 => false,
         }
     }
@@ -70,6 +75,7 @@ impl StrategyKind {
             Self::Coherent => Box::new(Coherent::on(scene, backend)),
             Self::Cellular => Box::new(Cellular::on(scene, backend)),
             Self::Hierarchical => Box::new(Hierarchical::on(scene, backend)),
+            Self::Bundle => Box::new(Bundle::on(scene, backend)),
             Self::Speer1985 => Box::new(Speer1985::on(scene, backend, Speer1985Options::default())),
         }
     }
@@ -119,7 +125,7 @@ mod tests {
         let error = "octree".parse::<StrategyKind>().unwrap_err();
         assert_eq!(
             error.to_string(),
-            "`octree` is no strategy; there are standard, speer-1985, coherent, cellular, hierarchical"
+            "`octree` is no strategy; there are standard, speer-1985, coherent, cellular, hierarchical, bundle"
         );
     }
 }

@@ -1,5 +1,6 @@
 //! The intersection strategies.
 
+mod bundle;
 mod cellular;
 mod coherent;
 mod hierarchical;
@@ -8,6 +9,7 @@ mod partition;
 mod speer_1985;
 mod standard;
 
+pub use bundle::Bundle;
 pub use cellular::Cellular;
 pub use coherent::Coherent;
 #[cfg(feature = "mutations")]
