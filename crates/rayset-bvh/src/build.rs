@@ -51,7 +51,7 @@ pub(crate) fn build<const W: usize>(
     references: &mut [Reference],
     leaf_len: usize,
 ) -> (Tree<W>, Vec<Range<u32>>) {
-    let mut tree = Tree { nodes: vec![Node::EMPTY], depth: 1 };
+    let mut tree = Tree { root: Child::ROOT, nodes: vec![Node::EMPTY], depth: 1 };
     let mut leaves = Vec::new();
     if references.is_empty() {
         return (tree, leaves);
@@ -59,6 +59,7 @@ pub(crate) fn build<const W: usize>(
     let root = split::<W>(references, 0, leaf_len, 0);
     if let Binary::Leaf { bounds, range } = &root {
         tree.nodes[0].set(0, bounds, Child::leaf(0));
+        tree.root = Child::leaf(0);
         leaves.push(range.clone());
         return (tree, leaves);
     }
