@@ -23,29 +23,11 @@ pub(crate) struct CullBox {
 }
 
 impl CullBox {
-    /// The box that holds nothing.
-    pub(crate) const EMPTY: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
-
-    #[inline]
-    pub(crate) fn union(mut self, other: &Self) -> Self {
-        for k in 0..3 {
-            self.low[k] = self.low[k].min(other.low[k]);
-            self.high[k] = self.high[k].max(other.high[k]);
-        }
-        self
-    }
-
     /// Half the surface; zero for the empty box.
     #[inline]
     pub(crate) fn half_area(&self) -> f32 {
         let [x, y, z] = std::array::from_fn(|k| (self.high[k] - self.low[k]).max(0.0));
         x * y + y * z + z * x
-    }
-
-    /// Twice the middle along an axis.
-    #[inline]
-    pub(crate) fn doubled_center(&self, axis: usize) -> f32 {
-        self.low[axis] + self.high[axis]
     }
 }
 

@@ -180,9 +180,9 @@ impl<const W: usize> Wide<W> {
             .par_iter()
             .enumerate()
             .with_min_len(1024)
-            .map(|(primitive, &(kind, index, _))| Reference {
-                bounds: frame.cull_box(&columns.bounding_box(kind, index)),
-                primitive: u32::try_from(primitive).expect("checked before"),
+            .map(|(primitive, &(kind, index, _))| {
+                let bounds = frame.cull_box(&columns.bounding_box(kind, index));
+                Reference::new(&bounds, u32::try_from(primitive).expect("checked before"))
             })
             .collect();
         let heavy = items.iter().filter(|item| item.0 == PrimitiveKind::Polygon).count();
@@ -194,8 +194,7 @@ impl<const W: usize> Wide<W> {
             _ => W,
         };
         let (mut tree, leaves) = build::<W>(&mut references, leaf_len);
-        let order = |i: usize| references[i].primitive;
-        let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, order, &leaves);
+        let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, &references, &leaves);
         tree.relabel_leaves(&leaf_runs);
         Self { tree, shapes }
     }

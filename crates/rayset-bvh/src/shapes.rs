@@ -2,12 +2,14 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
     ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
 };
 use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
+use crate::build::Reference;
 use crate::frame::Frame;
 use crate::interval::{Intervals, LeafRay, SphereBlock, TriangleBlock};
 use crate::ray::CullRay;
@@ -129,15 +131,21 @@ impl<const W: usize> Shapes<W> {
         frame: &Frame,
         source: &PrimitiveColumns,
         items: &[(PrimitiveKind, u32, Sides)],
-        order: impl Fn(usize) -> u32,
+        references: &[Reference],
         leaves: &[Range<u32>],
     ) -> (Self, Vec<u32>) {
+        let first = items.first();
+        if let Some(&(kind @ (PrimitiveKind::Sphere | PrimitiveKind::Triangle), _, sides)) = first
+            && items.iter().all(|item| (item.0, item.2) == (kind, sides))
+        {
+            return Self::arrange_alike(frame, source, items, references, leaves);
+        }
         let mut shapes = Self { places: vec![(PrimitiveKind::Sphere, 0); items.len()], ..Self::default() };
         let mut members = Vec::new();
         let mut leaf_runs = Vec::with_capacity(leaves.len());
         for leaf in leaves {
             members.clear();
-            members.extend(leaf.clone().map(|i| order(i as usize)));
+            members.extend(leaf.clone().map(|i| references[i as usize].primitive()));
             // By kind and sides for long runs; by number within, since the least number wins a tie.
             members.sort_unstable_by_key(|&number| {
                 let (kind, _, sides) = items[number as usize];
@@ -158,6 +166,65 @@ impl<const W: usize> Shapes<W> {
             items.first().map(|first| first.0).filter(|&kind| items.iter().all(|item| item.0 == kind));
         shapes.is_flat = shapes.columns.is_flat() || !shapes.triangles.is_empty();
         (shapes, leaf_runs)
+    }
+
+    /// The same for spheres alone, or triangles, all visible from the same sides: a leaf is a run and a block, and the
+    /// primitives stand as the references do, so that each can be put in its place by any thread.
+    fn arrange_alike(
+        frame: &Frame,
+        source: &PrimitiveColumns,
+        items: &[(PrimitiveKind, u32, Sides)],
+        references: &[Reference],
+        leaves: &[Range<u32>],
+    ) -> (Self, Vec<u32>) {
+        let (kind, _, sides) = items[0];
+        let index = |reference: &Reference| items[reference.primitive() as usize].1;
+        let mut shapes = Self { only: Some(kind), ..Self::default() };
+        let run = |(block, leaf): (usize, &Range<u32>)| Run {
+            kind,
+            sides,
+            goes_on: false,
+            len: u16::try_from(leaf.len()).expect("a leaf is small"),
+            first: leaf.start,
+            block: index_of(block),
+        };
+        shapes.runs = leaves.par_iter().enumerate().with_min_len(1024).map(run).collect();
+        let members = |leaf: &Range<u32>| &references[leaf.start as usize..leaf.end as usize];
+        if kind == PrimitiveKind::Sphere {
+            let block = |leaf| {
+                let mut block = SphereBlock::EMPTY;
+                for (lane, reference) in members(leaf).iter().enumerate() {
+                    let sphere = source.sphere(index(reference));
+                    block.set(lane, frame.point(sphere.center()).to_array(), sphere.radius() * frame.scale);
+                }
+                block
+            };
+            shapes.sphere_blocks = leaves.par_iter().with_min_len(64).map(block).collect();
+            let sphere = |reference| source.sphere(index(reference));
+            shapes.spheres = references.par_iter().with_min_len(1024).map(sphere).collect();
+        } else {
+            shapes.is_flat = true;
+            let triangle = |reference| source.triangle(index(reference));
+            shapes.triangles = references.par_iter().with_min_len(1024).map(triangle).collect();
+            let triangles = &shapes.triangles;
+            let block = |leaf: &Range<u32>| {
+                let mut block = TriangleBlock::EMPTY;
+                for (lane, i) in leaf.clone().enumerate() {
+                    let place = |vertex: &DVec3| frame.point(*vertex).to_array();
+                    let [a, b, c] = triangles[i as usize].vertices();
+                    block.set(lane, [place(a), place(b), place(c)]);
+                }
+                block
+            };
+            shapes.triangle_blocks = leaves.par_iter().with_min_len(64).map(block).collect();
+        }
+        let numbers = references.par_iter().with_min_len(1024).map(Reference::primitive).collect();
+        shapes.places = vec![(kind, 0); items.len()];
+        for (place, reference) in references.iter().enumerate() {
+            shapes.places[reference.primitive() as usize].1 = index_of(place);
+        }
+        shapes.numbers[kind as usize] = numbers;
+        (shapes, (0..index_of(leaves.len())).collect())
     }
 
     fn push_run(
