@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::frame::CullBox;
 use crate::node::{Child, Node, Tree};
 
@@ -12,11 +14,72 @@ const PARALLEL: usize = 8192;
 /// From this depth on ranges are halved, which bounds the depth whatever the primitives are.
 const DEPTH_OF_HALVING: u32 = 40;
 
+/// Four numbers, of which boxes use three: so that a box takes two registers and no shuffling.
+type Four = [f32; 4];
+
 /// A primitive's box and its number.
 #[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
 pub(crate) struct Reference {
-    pub(crate) bounds: CullBox,
-    pub(crate) primitive: u32,
+    /// The fourth number is the primitive's, bit by bit.
+    low: Four,
+    /// The fourth is 1, so that the sum of both is no subnormal number: they take a hundred times longer to multiply.
+    high: Four,
+}
+
+impl Reference {
+    pub(crate) fn new(bounds: &CullBox, primitive: u32) -> Self {
+        let ([x, y, z], [a, b, c]) = (bounds.low, bounds.high);
+        Self { low: [x, y, z, f32::from_bits(primitive)], high: [a, b, c, 1.0] }
+    }
+
+    #[inline]
+    pub(crate) fn primitive(&self) -> u32 {
+        self.low[3].to_bits()
+    }
+
+    /// Twice the middle.
+    #[inline(always)]
+    fn doubled_center(&self) -> Four {
+        std::array::from_fn(|k| self.low[k] + self.high[k])
+    }
+}
+
+/// A box of four numbers.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+struct FourBox {
+    low: Four,
+    high: Four,
+}
+
+impl FourBox {
+    const EMPTY: Self = Self { low: [f32::INFINITY; 4], high: [f32::NEG_INFINITY; 4] };
+
+    /// Nothing here is NaN, but for the fourth number, which nobody asks for.
+    #[inline(always)]
+    fn add(&mut self, low: &Four, high: &Four) {
+        for k in 0..4 {
+            self.low[k] = if low[k] < self.low[k] { low[k] } else { self.low[k] };
+            self.high[k] = if high[k] > self.high[k] { high[k] } else { self.high[k] };
+        }
+    }
+
+    /// Half the surface; zero for the empty box.
+    #[inline(always)]
+    fn half_area(&self) -> f32 {
+        let side = |k: usize| {
+            let side = self.high[k] - self.low[k];
+            if side > 0.0 { side } else { 0.0 }
+        };
+        let (x, y, z) = (side(0), side(1), side(2));
+        x * y + y * z + z * x
+    }
+
+    fn cull_box(&self) -> CullBox {
+        let ([x, y, z, _], [a, b, c, _]) = (self.low, self.high);
+        CullBox { low: [x, y, z], high: [a, b, c] }
+    }
 }
 
 /// A subtree of the binary tree.
@@ -51,7 +114,7 @@ pub(crate) fn build<const W: usize>(
     references: &mut [Reference],
     leaf_len: usize,
 ) -> (Tree<W>, Vec<Range<u32>>) {
-    let mut tree = Tree { nodes: vec![Node::EMPTY], depth: 1 };
+    let mut tree = Tree { root: Child::ROOT, nodes: vec![Node::EMPTY], depth: 1 };
     let mut leaves = Vec::new();
     if references.is_empty() {
         return (tree, leaves);
@@ -59,6 +122,7 @@ pub(crate) fn build<const W: usize>(
     let root = split::<W>(references, 0, leaf_len, 0);
     if let Binary::Leaf { bounds, range } = &root {
         tree.nodes[0].set(0, bounds, Child::leaf(0));
+        tree.root = Child::leaf(0);
         leaves.push(range.clone());
         return (tree, leaves);
     }
@@ -136,14 +200,16 @@ fn costs_of<const W: usize>(bounds: &CullBox, children: &[Binary; 2]) -> Costs {
     costs
 }
 
-/// Splits a range of references until a leaf holds them.
+/// Splits a range of references until a leaf holds them; within a leaf they stand in the order of their numbers.
 fn split<const W: usize>(references: &mut [Reference], start: u32, leaf_len: usize, depth: u32) -> Binary {
-    let bounds = references.iter().fold(CullBox::EMPTY, |bounds, r| bounds.union(&r.bounds));
+    let extent = Extent::of(references);
+    let bounds = extent.bounds.cull_box();
     let n = u32::try_from(references.len()).expect("at most 2^31 primitives");
     if references.len() <= leaf_len {
+        references.sort_unstable_by_key(Reference::primitive);
         return Binary::Leaf { bounds, range: start..start + n };
     }
-    let middle = if depth < DEPTH_OF_HALVING { best_split(references, leaf_len) } else { None };
+    let middle = if depth < DEPTH_OF_HALVING { best_split(references, &extent, leaf_len) } else { None };
     let middle = middle.unwrap_or(references.len() / 2);
     let (left, right) = references.split_at_mut(middle);
     let right_start = start + u32::try_from(middle).expect("less than the whole");
@@ -157,38 +223,120 @@ fn split<const W: usize>(references: &mut [Reference], start: u32, leaf_len: usi
     Binary::Inner { bounds, children, costs }
 }
 
-/// What lies in a bin.
+/// The boxes of references, and of their doubled centres.
 #[derive(Clone, Copy)]
-struct Bin {
-    bounds: CullBox,
-    count: u32,
+struct Extent {
+    bounds: FourBox,
+    centers: FourBox,
+}
+
+impl Extent {
+    fn of(references: &[Reference]) -> Self {
+        in_parts(references, Self { bounds: FourBox::EMPTY, centers: FourBox::EMPTY }, Self::with, Self::join)
+    }
+
+    #[inline(always)]
+    fn with(mut self, references: &[Reference]) -> Self {
+        for reference in references {
+            let center = reference.doubled_center();
+            self.bounds.add(&reference.low, &reference.high);
+            self.centers.add(&center, &center);
+        }
+        self
+    }
+
+    fn join(mut self, other: Self) -> Self {
+        self.bounds.add(&other.bounds.low, &other.bounds.high);
+        self.centers.add(&other.centers.low, &other.centers.high);
+        self
+    }
+}
+
+/// Sums up references, in parts on several threads where they are many. Least and greatest values and counts do not
+/// depend on how they are divided.
+fn in_parts<T: Copy + Send + Sync>(
+    references: &[Reference],
+    nothing: T,
+    with: impl Fn(T, &[Reference]) -> T + Sync,
+    join: impl Fn(T, T) -> T + Sync + Send,
+) -> T {
+    if references.len() < 4 * PARALLEL {
+        return with(nothing, references);
+    }
+    references.par_chunks(PARALLEL).map(|part| with(nothing, part)).reduce(|| nothing, join)
+}
+
+/// How the doubled centres along the three axes are put into bins.
+#[derive(Clone, Copy)]
+struct Binning {
+    low: Four,
+    scale: Four,
+}
+
+impl Binning {
+    fn of(centers: &FourBox) -> Self {
+        let scale = |k: usize| if k < 3 { bin_scale(centers.low[k], centers.high[k]) } else { 0.0 };
+        let low = |k: usize| if k < 3 { centers.low[k] } else { 0.0 };
+        Self { low: std::array::from_fn(low), scale: std::array::from_fn(scale) }
+    }
+
+    /// The bins of a reference along the axes.
+    ///
+    /// Without a conversion: of a number to which `2^23` was added, the lowest bits are its nearest integer, from 0 to
+    /// `BINS - 1` here.
+    #[inline(always)]
+    fn bins(&self, reference: &Reference) -> [usize; 4] {
+        let center = reference.doubled_center();
+        std::array::from_fn(|k| {
+            let place = (center[k] - self.low[k]) * self.scale[k] - 0.5;
+            let place = if place > 0.0 { place } else { 0.0 };
+            (place + 8_388_608.0).to_bits() as usize % BINS
+        })
+    }
+}
+
+/// What lies in the bins along the three axes.
+#[derive(Clone, Copy)]
+struct Bins {
+    bounds: [[FourBox; BINS]; 3],
+    counts: [[u32; BINS]; 3],
+}
+
+impl Bins {
+    const EMPTY: Self = Self { bounds: [[FourBox::EMPTY; BINS]; 3], counts: [[0; BINS]; 3] };
+
+    #[inline(always)]
+    fn with(mut self, references: &[Reference], binning: &Binning) -> Self {
+        for reference in references {
+            let bins = binning.bins(reference);
+            for k in 0..3 {
+                self.bounds[k][bins[k]].add(&reference.low, &reference.high);
+                self.counts[k][bins[k]] += 1;
+            }
+        }
+        self
+    }
+
+    fn join(mut self, other: Self) -> Self {
+        for k in 0..3 {
+            for i in 0..BINS {
+                self.bounds[k][i].add(&other.bounds[k][i].low, &other.bounds[k][i].high);
+                self.counts[k][i] += other.counts[k][i];
+            }
+        }
+        self
+    }
 }
 
 /// Reorders the references so that a prefix and the rest have the least cost; the length of the prefix, or `None` if
 /// all centres coincide.
-fn best_split(references: &mut [Reference], leaf_len: usize) -> Option<usize> {
-    let mut low = [f32::INFINITY; 3];
-    let mut high = [f32::NEG_INFINITY; 3];
-    for reference in references.iter() {
-        for k in 0..3 {
-            let center = reference.bounds.doubled_center(k);
-            low[k] = low[k].min(center);
-            high[k] = high[k].max(center);
-        }
-    }
-    let scales: [f32; 3] = std::array::from_fn(|k| bin_scale(low[k], high[k]));
-    let mut bins = [[Bin { bounds: CullBox::EMPTY, count: 0 }; BINS]; 3];
-    for reference in references.iter() {
-        for k in 0..3 {
-            let bin = &mut bins[k][bin_of(reference.bounds.doubled_center(k), low[k], scales[k])];
-            bin.bounds = bin.bounds.union(&reference.bounds);
-            bin.count += 1;
-        }
-    }
+fn best_split(references: &mut [Reference], extent: &Extent, leaf_len: usize) -> Option<usize> {
+    let binning = Binning::of(&extent.centers);
+    let bins = in_parts(references, Bins::EMPTY, |bins, part| bins.with(part, &binning), Bins::join);
     let mut best: Option<(f32, usize, usize)> = None;
     for axis in 0..3 {
-        if scales[axis] > 0.0 {
-            for (cost, bin) in sweep(&bins[axis], leaf_len) {
+        if binning.scale[axis] > 0.0 {
+            for (cost, bin) in sweep(&bins.bounds[axis], &bins.counts[axis], leaf_len) {
                 if best.is_none_or(|best| cost < best.0) {
                     best = Some((cost, axis, bin));
                 }
@@ -196,26 +344,29 @@ fn best_split(references: &mut [Reference], leaf_len: usize) -> Option<usize> {
         }
     }
     let (_, axis, bin) = best?;
-    let is_left =
-        |reference: &Reference| bin_of(reference.bounds.doubled_center(axis), low[axis], scales[axis]) < bin;
-    Some(partition(references, is_left))
+    Some(partition(references, |reference| binning.bins(reference)[axis] < bin))
 }
 
 /// The cost of a split before each bin that leaves something on both sides.
-fn sweep(bins: &[Bin; BINS], leaf_len: usize) -> impl Iterator<Item = (f32, usize)> {
+fn sweep(
+    bounds: &[FourBox; BINS],
+    counts: &[u32; BINS],
+    leaf_len: usize,
+) -> impl Iterator<Item = (f32, usize)> {
     let mut right = [(0.0, 0); BINS];
-    let mut sum = Bin { bounds: CullBox::EMPTY, count: 0 };
+    let (mut sum, mut count) = (FourBox::EMPTY, 0);
     for i in (1..BINS).rev() {
-        sum = Bin { bounds: sum.bounds.union(&bins[i].bounds), count: sum.count + bins[i].count };
-        right[i] = (sum.bounds.half_area(), sum.count);
+        sum.add(&bounds[i].low, &bounds[i].high);
+        count += counts[i];
+        right[i] = (sum.half_area(), count);
     }
-    let mut left = Bin { bounds: CullBox::EMPTY, count: 0 };
+    let (mut sum, mut count) = (FourBox::EMPTY, 0);
     (1..BINS).filter_map(move |i| {
-        left = Bin { bounds: left.bounds.union(&bins[i - 1].bounds), count: left.count + bins[i - 1].count };
+        sum.add(&bounds[i - 1].low, &bounds[i - 1].high);
+        count += counts[i - 1];
         let (right_area, right_count) = right[i];
-        let is_split = left.count > 0 && right_count > 0;
-        let cost = left.bounds.half_area() * leaves(left.count, leaf_len)
-            + right_area * leaves(right_count, leaf_len);
+        let is_split = count > 0 && right_count > 0;
+        let cost = sum.half_area() * leaves(count, leaf_len) + right_area * leaves(right_count, leaf_len);
         is_split.then_some((cost, i))
     })
 }
@@ -234,25 +385,70 @@ fn bin_scale(low: f32, high: f32) -> f32 {
     if scale.is_finite() && width > 0.0 { scale } else { 0.0 }
 }
 
-#[inline]
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to BINS - 1")]
-fn bin_of(center: f32, low: f32, scale: f32) -> usize {
-    (((center - low) * scale) as usize).min(BINS - 1)
+/// Moves what is left to the front; returns how many that are. The order depends on the input alone.
+///
+/// Without a branch to guess: what is right of the front is always moved on by one, and the front grows or not.
+fn partition(references: &mut [Reference], is_left: impl Fn(&Reference) -> bool) -> usize {
+    let mut front = 0;
+    for i in 0..references.len() {
+        let reference = references[i];
+        references[i] = references[front];
+        references[front] = reference;
+        front += usize::from(is_left(&reference));
+    }
+    front
 }
 
-/// Moves what is left to the front; returns how many that are. The order depends on the input alone.
-fn partition(references: &mut [Reference], is_left: impl Fn(&Reference) -> bool) -> usize {
-    let (mut i, mut j) = (0, references.len());
-    loop {
-        while i < j && is_left(&references[i]) {
-            i += 1;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Boxes strewn by a multiplicative hash, many of them on top of each other.
+    #[expect(clippy::cast_precision_loss, reason = "strewn")]
+    fn strewn(n: u32) -> Vec<Reference> {
+        let at = |i: u32, k: u32| ((i / 3).wrapping_mul(k) >> 8) as f32 / 16_777_216.0;
+        (0..n)
+            .map(|i| {
+                let low = [at(i, 2_654_435_761), at(i, 2_246_822_519), at(i, 3_266_489_917)];
+                Reference::new(&CullBox { low, high: low.map(|x| x + 0.01) }, i)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn tree_is_the_same_for_any_number_of_threads() {
+        let trees = [1, 2, 5].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut references = strewn(100_000);
+            let (tree, leaves) = pool.install(|| build::<8>(&mut references, 8));
+            let planes: Vec<u32> =
+                tree.nodes.iter().flat_map(|node| node.planes.as_flattened()).map(|x| x.to_bits()).collect();
+            let children: Vec<u32> = tree.nodes.iter().flat_map(|node| node.children).collect();
+            let order: Vec<u32> = references.iter().map(Reference::primitive).collect();
+            (planes, children, leaves, order)
+        });
+        assert!(trees[0] == trees[1] && trees[0] == trees[2]);
+    }
+
+    #[test]
+    fn every_primitive_is_in_one_leaf_and_in_its_box() {
+        let mut references = strewn(10_000);
+        let (tree, leaves) = build::<16>(&mut references, 16);
+        let mut seen = vec![0; references.len()];
+        for (node, slot) in tree.nodes.iter().flat_map(|node| (0..16).map(move |slot| (node, slot))) {
+            let child = Child(node.children[slot]);
+            if !child.is_leaf() || node.planes[0][slot] > node.planes[3][slot] {
+                continue;
+            }
+            for i in leaves[child.index()].clone() {
+                let reference = &references[i as usize];
+                seen[reference.primitive() as usize] += 1;
+                for k in 0..3 {
+                    assert!(node.planes[k][slot] <= reference.low[k]);
+                    assert!(node.planes[3 + k][slot] >= reference.high[k]);
+                }
+            }
         }
-        while i < j && !is_left(&references[j - 1]) {
-            j -= 1;
-        }
-        if i >= j {
-            return i;
-        }
-        references.swap(i, j - 1);
+        assert!(seen.iter().all(|&times| times == 1));
     }
 }

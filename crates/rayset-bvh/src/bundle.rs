@@ -254,7 +254,7 @@ impl<const W: usize> Wide<W> {
         let mut found = Found::nothing(simd, &packet);
         let budget = scratch.classes[class].budget();
         let Scratch { stack, steps, primitive_tests } = &mut scratch.single;
-        let stack = stack.entries.as_mut_slice();
+        let stack = stack.together.as_mut_slice();
         let (mut height, mut spent) = (0, 0);
         let mut reach = packet.reach(simd, found.ends);
         let mut current = Child::node(0);
@@ -353,7 +353,7 @@ impl<const W: usize> Wide<W> {
         let all = u32::MAX >> (32 - members.len());
         let budget = scratch.classes[class].budget();
         let Scratch { stack, steps, primitive_tests } = &mut scratch.single;
-        let stack = stack.entries.as_mut_slice();
+        let stack = stack.together.as_mut_slice();
         let (mut height, mut spent) = (0, 0);
         let mut reach = packet.reach(simd, packet.end);
         let mut current = Child::node(0);

@@ -11,6 +11,8 @@ use rayset_geometry::glam::DVec3;
 pub(crate) struct Frame {
     pub(crate) center: DVec3,
     pub(crate) scale: f64,
+    /// The centre's largest coordinate, in units of culling space.
+    pub(crate) remoteness: f64,
 }
 
 /// A box in culling space, in single precision, never smaller than what it was made of.
@@ -21,29 +23,11 @@ pub(crate) struct CullBox {
 }
 
 impl CullBox {
-    /// The box that holds nothing.
-    pub(crate) const EMPTY: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
-
-    #[inline]
-    pub(crate) fn union(mut self, other: &Self) -> Self {
-        for k in 0..3 {
-            self.low[k] = self.low[k].min(other.low[k]);
-            self.high[k] = self.high[k].max(other.high[k]);
-        }
-        self
-    }
-
     /// Half the surface; zero for the empty box.
     #[inline]
     pub(crate) fn half_area(&self) -> f32 {
         let [x, y, z] = std::array::from_fn(|k| (self.high[k] - self.low[k]).max(0.0));
         x * y + y * z + z * x
-    }
-
-    /// Twice the middle along an axis.
-    #[inline]
-    pub(crate) fn doubled_center(&self, axis: usize) -> f32 {
-        self.low[axis] + self.high[axis]
     }
 }
 
@@ -51,13 +35,14 @@ impl Frame {
     /// The frame of a scene with these bounds.
     pub(crate) fn of(bounds: &BoundingBox) -> Self {
         if bounds.is_empty() {
-            return Self { center: DVec3::ZERO, scale: 1.0 };
+            return Self { center: DVec3::ZERO, scale: 1.0, remoteness: 0.0 };
         }
         let half = 0.5 * bounds.diagonal().max_element();
         // The next power of two, so that scaling rounds nothing; kept in the range where its inverse is finite.
         let exponent = (half.max(f64::MIN_POSITIVE).to_bits() >> 52).clamp(1, 2044);
         let scale = f64::from_bits((2045 - exponent) << 52);
-        Self { center: bounds.center(), scale }
+        let center = bounds.center();
+        Self { center, scale, remoteness: center.abs().max_element() * scale }
     }
 
     /// A point in culling space.
@@ -74,19 +59,20 @@ impl Frame {
 }
 
 /// A number in single precision that is not above `value`, whose own rounding is allowed for.
-#[inline]
+#[inline(always)]
 pub(crate) fn round_down(value: f64) -> f32 {
     -round_up(-value)
 }
 
 /// A number in single precision that is not below `value`, whose own rounding is allowed for.
-#[inline]
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "one step up makes up for the rounding to single precision"
-)]
+///
+/// Without a branch, unlike `next_up`: the conversion is off by `2^-24` of the value at most, and so is the sum; what is
+/// added is `2^-22` of it.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "what is added makes up for the rounding")]
 pub(crate) fn round_up(value: f64) -> f32 {
-    (value as f32).next_up()
+    let rounded = value as f32;
+    rounded + (rounded.abs() * (1.0 / 4_194_304.0) + f32::MIN_POSITIVE)
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! The hierarchy and what it answers.
 
+use std::marker::PhantomData;
+
 use rayon::prelude::*;
 use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, Ray, Side, Sides, Span};
 use rayset_simd::{Backend, Kernel, Lanes, Simd};
@@ -8,7 +10,7 @@ use crate::build::{Reference, build};
 use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::CullRay;
-use crate::shapes::{Hit, Nearest, Prepared, Shapes};
+use crate::shapes::{Anything, Content, Hit, Nearest, OnlySpheres, OnlyTriangles, Prepared, Shapes};
 use crate::traverse::{Stack, Steps, Visitor, traverse};
 
 /// A bounding volume hierarchy over primitives of any shape.
@@ -178,9 +180,9 @@ impl<const W: usize> Wide<W> {
             .par_iter()
             .enumerate()
             .with_min_len(1024)
-            .map(|(primitive, &(kind, index, _))| Reference {
-                bounds: frame.cull_box(&columns.bounding_box(kind, index)),
-                primitive: u32::try_from(primitive).expect("checked before"),
+            .map(|(primitive, &(kind, index, _))| {
+                let bounds = frame.cull_box(&columns.bounding_box(kind, index));
+                Reference::new(&bounds, u32::try_from(primitive).expect("checked before"))
             })
             .collect();
         let heavy = items.iter().filter(|item| item.0 == PrimitiveKind::Polygon).count();
@@ -192,8 +194,7 @@ impl<const W: usize> Wide<W> {
             _ => W,
         };
         let (mut tree, leaves) = build::<W>(&mut references, leaf_len);
-        let order = |i: usize| references[i].primitive;
-        let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, order, &leaves);
+        let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, &references, &leaves);
         tree.relabel_leaves(&leaf_runs);
         Self { tree, shapes }
     }
@@ -211,19 +212,41 @@ impl<const W: usize> Wide<W> {
         known: Option<Hit>,
         scratch: &mut Scratch,
     ) -> Option<Hit> {
+        if self.shapes.is_only(PrimitiveKind::Sphere) {
+            self.nearest_of::<S, OnlySpheres>(simd, frame, ray, span, from, known, scratch)
+        } else if self.shapes.is_only(PrimitiveKind::Triangle) {
+            self.nearest_of::<S, OnlyTriangles>(simd, frame, ray, span, from, known, scratch)
+        } else {
+            self.nearest_of::<S, Anything>(simd, frame, ray, span, from, known, scratch)
+        }
+    }
+
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "as above")]
+    fn nearest_of<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+        known: Option<Hit>,
+        scratch: &mut Scratch,
+    ) -> Option<Hit> {
         let Some(cull) = CullRay::new(frame, ray, span) else { return known };
         let Scratch { stack, steps, primitive_tests } = scratch;
         let end = cull.end(known.map_or(span.end, |hit| hit.t));
         let mut visitor = NearestVisitor {
+            content: PhantomData::<C>,
             shapes: &self.shapes,
-            ray: self.shapes.prepare(simd, &cull, ray, span, from),
-            cull,
+            ray: self.shapes.prepare::<S, C>(simd, &cull, ray, span, from),
+            cull: &cull,
             end,
             nearest: known.map_or(Nearest::None, Nearest::At),
             tests: primitive_tests,
         };
         traverse(simd, &self.tree, stack, &cull, end, steps, &mut visitor);
-        self.shapes.resolve(&visitor.ray, visitor.nearest)
+        self.shapes.resolve::<S, C>(&visitor.ray, visitor.nearest)
     }
 
     #[inline(always)]
@@ -236,12 +259,32 @@ impl<const W: usize> Wide<W> {
         from: Option<(u32, Side)>,
         scratch: &mut Scratch,
     ) -> bool {
+        if self.shapes.is_only(PrimitiveKind::Sphere) {
+            self.occluded_of::<S, OnlySpheres>(simd, frame, ray, span, from, scratch)
+        } else if self.shapes.is_only(PrimitiveKind::Triangle) {
+            self.occluded_of::<S, OnlyTriangles>(simd, frame, ray, span, from, scratch)
+        } else {
+            self.occluded_of::<S, Anything>(simd, frame, ray, span, from, scratch)
+        }
+    }
+
+    #[inline(always)]
+    fn occluded_of<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+        scratch: &mut Scratch,
+    ) -> bool {
         let Some(cull) = CullRay::new(frame, ray, span) else { return false };
         let Scratch { stack, steps, primitive_tests } = scratch;
         let end = cull.end(span.end);
         let mut visitor = AnyVisitor {
+            content: PhantomData::<C>,
             shapes: &self.shapes,
-            ray: self.shapes.prepare(simd, &cull, ray, span, from),
+            ray: self.shapes.prepare::<S, C>(simd, &cull, ray, span, from),
             end,
             is_hit: false,
             tests: primitive_tests,
@@ -255,25 +298,27 @@ impl<const W: usize> Wide<W> {
     }
 }
 
-struct NearestVisitor<'h, S: Simd, const W: usize> {
+struct NearestVisitor<'h, S: Simd, C: Content, const W: usize> {
+    content: PhantomData<C>,
     shapes: &'h Shapes<W>,
     ray: Prepared<S>,
-    cull: CullRay,
+    cull: &'h CullRay,
     end: f32,
     nearest: Nearest,
     tests: &'h mut u64,
 }
 
-impl<S: Simd, const W: usize> Visitor for NearestVisitor<'_, S, W> {
+impl<S: Simd, C: Content, const W: usize> Visitor for NearestVisitor<'_, S, C, W> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
-        let Self { shapes, ray, cull, end, nearest, tests } = self;
-        shapes.nearest(leaf, ray, cull, nearest, end, tests);
+        let Self { shapes, ray, cull, end, nearest, tests, .. } = self;
+        shapes.nearest::<S, C>(leaf, ray, cull, nearest, end, tests);
         Some(self.end)
     }
 }
 
-struct AnyVisitor<'h, S: Simd, const W: usize> {
+struct AnyVisitor<'h, S: Simd, C: Content, const W: usize> {
+    content: PhantomData<C>,
     shapes: &'h Shapes<W>,
     ray: Prepared<S>,
     end: f32,
@@ -281,10 +326,10 @@ struct AnyVisitor<'h, S: Simd, const W: usize> {
     tests: &'h mut u64,
 }
 
-impl<S: Simd, const W: usize> Visitor for AnyVisitor<'_, S, W> {
+impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
-        self.is_hit = self.shapes.any(leaf, &self.ray, self.end, self.tests);
+        self.is_hit = self.shapes.any::<S, C>(leaf, &self.ray, self.end, self.tests);
         if self.is_hit { None } else { Some(self.end) }
     }
 }

@@ -4,8 +4,8 @@
 //! `low` and `high`, in culling space. All margins are multiples of one number, [`LeafRay::unit`]: the rounding of a
 //! coordinate. They are derived in `docs/numerics.md`.
 
-use rayset_geometry::{Ray, Shear};
-use rayset_simd::{CullLanes, Lanes, Simd};
+use rayset_geometry::Shear;
+use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::packet::Planes;
 use crate::ray::CullRay;
@@ -42,54 +42,50 @@ pub(crate) struct SpanLanes<S: Simd> {
 }
 
 /// A ray prepared for testing blocks.
+///
+/// Plain numbers, spread over the lanes where they are used: that is a load, and a ray that meets few leaves has
+/// little to keep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LeafRay<S: Simd> {
     simd: S,
-    origin: [S::F32; 3],
-    direction: [S::F32; 3],
+    origin: [f32; 3],
+    direction: [f32; 3],
     /// The origin with its axes in the order of the shear, and the shear's factors.
-    sheared_origin: [S::F32; 3],
+    sheared_origin: [f32; 3],
     axes: [usize; 3],
-    factors: [S::F32; 3],
+    factors: [f32; 3],
     /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
     unit: f32,
     /// The span, outwards and inwards.
-    start: S::F32,
-    start_above: S::F32,
-    end_below: S::F32,
+    start: f32,
+    start_above: f32,
+    end_below: f32,
 }
 
 impl<S: Simd> LeafRay<S> {
-    /// Prepares a ray; `flat` says whether triangles will be tested.
+    /// Prepares a ray; it has a shear if triangles will be tested.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
-    pub(crate) fn new(simd: S, cull: &CullRay, ray: &Ray, flat: bool) -> Self {
-        let zero = simd.splat_f32(0.0);
-        let (o, d) = (cull.origin.to_array(), ray.direction().to_array());
-        let (mut axes, mut sheared_origin, mut factors) = ([0, 1, 2], [zero; 3], [zero; 3]);
-        if flat {
-            let shear = Shear::of(ray);
+    pub(crate) fn new(simd: S, cull: &CullRay, shear: Option<&Shear>) -> Self {
+        let (mut axes, mut sheared_origin, mut factors) = ([0, 1, 2], [0.0; 3], [0.0; 3]);
+        if let Some(shear) = shear {
             axes = shear.axes;
-            for k in 0..3 {
-                sheared_origin[k] = simd.splat_f32(o[axes[k]] as f32);
-                factors[k] = simd.splat_f32(shear.factors[k] as f32);
-            }
+            let [x, y, z] = axes;
+            sheared_origin = [cull.origin[x], cull.origin[y], cull.origin[z]];
+            let [x, y, z] = shear.factors;
+            factors = [x as f32, y as f32, z as f32];
         }
         Self {
             simd,
-            origin: [simd.splat_f32(o[0] as f32), simd.splat_f32(o[1] as f32), simd.splat_f32(o[2] as f32)],
-            direction: [
-                simd.splat_f32(d[0] as f32),
-                simd.splat_f32(d[1] as f32),
-                simd.splat_f32(d[2] as f32),
-            ],
+            origin: cull.origin,
+            direction: cull.direction,
             sheared_origin,
             axes,
             factors,
             unit: cull.unit,
-            start: simd.splat_f32(cull.start),
-            start_above: simd.splat_f32(cull.start_above),
-            end_below: simd.splat_f32(cull.end_below),
+            start: cull.start,
+            start_above: cull.start_above,
+            end_below: cull.end_below,
         }
     }
 }
@@ -97,13 +93,20 @@ impl<S: Simd> LeafRay<S> {
 impl<S: Simd> LeafRay<S> {
     #[inline(always)]
     fn span(&self, end: f32) -> SpanLanes<S> {
+        let simd = self.simd;
         SpanLanes {
-            start: self.start,
-            start_above: self.start_above,
-            end_below: self.end_below,
-            ends: self.simd.splat_f32(end),
+            start: simd.splat_f32(self.start),
+            start_above: simd.splat_f32(self.start_above),
+            end_below: simd.splat_f32(self.end_below),
+            ends: simd.splat_f32(end),
         }
     }
+}
+
+/// Three numbers, each in every lane.
+#[inline(always)]
+pub(crate) fn splat<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [S::F32; 3] {
+    [simd.splat_f32(x), simd.splat_f32(y), simd.splat_f32(z)]
 }
 
 /// `W` spheres.
@@ -152,8 +155,8 @@ impl<const W: usize> SphereBlock<W> {
             simd,
             center,
             simd.load_f32(&self.radius),
-            ray.origin,
-            ray.direction,
+            splat(simd, ray.origin),
+            splat(simd, ray.direction),
             ray.unit,
             &span,
             front,
@@ -201,17 +204,22 @@ pub(crate) fn sphere<S: Simd>(
     let (lx, ly, lz) = (x - along * dx, y - along * dy, z - along * dz);
     let lateral = lx.mul_add(lx, ly.mul_add(ly, lz * lz));
     let discriminant = radius * radius - lateral;
-    let error = simd.splat_f32(SPHERE_MARGIN * unit);
+    let error = SPHERE_MARGIN * unit;
     // r^2 - l^2 is off by 2 E r, rounded up, and what is left of second order.
-    let error = error * (simd.splat_f32(3.0) * radius + simd.splat_f32(5.0) * error);
-    let zero = simd.splat_f32(0.0);
-    let widest = (discriminant + error).max(zero).sqrt();
-    let narrowest = (discriminant - error).max(zero).sqrt();
-    let real = (discriminant + error).ge(zero);
-    let surely_real = discriminant.gt(error);
+    let error = radius.mul_add(simd.splat_f32(3.0 * error), simd.splat_f32(5.0 * error * error));
     let slack = simd.splat_f32(SPHERE_DISTANCE_MARGIN * unit);
     let (below, above) = (along - slack, along + slack);
     let ends = span.ends;
+    let zero = simd.splat_f32(0.0);
+    let wide = discriminant + error;
+    // Most leaves are done with here, and the roots are what costs most.
+    let real = wide.ge(zero);
+    if !real.any() {
+        return Intervals { possible: real, sure: real, low: zero, high: zero };
+    }
+    let widest = wide.max(zero).sqrt();
+    let narrowest = (discriminant - error).max(zero).sqrt();
+    let surely_real = discriminant.gt(error);
     let (near_low, near_high) = (below - widest, above - narrowest);
     let (far_low, far_high) = (below + narrowest, above + widest);
     // The front counts if it lies in the span, else the back.
@@ -250,15 +258,15 @@ impl<const W: usize> TriangleBlock<W> {
         let vertices = [self.vertex(ray, 0), self.vertex(ray, 3), self.vertex(ray, 6)];
         let (simd, span) = (ray.simd, ray.span(end));
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
-        triangle(simd, vertices, ray.factors[2], [ray.unit, 1.0], &span, front, back)
+        triangle(simd, vertices, simd.splat_f32(ray.factors[2]), [ray.unit, 1.0], &span, front, back)
     }
 
     /// Three columns, sheared.
     #[inline(always)]
     fn vertex<S: Simd>(&self, ray: &LeafRay<S>, first: usize) -> [S::F32; 3] {
         let ([x, y, z], simd) = (ray.axes, ray.simd);
-        let [ox, oy, oz] = ray.sheared_origin;
-        let [sx, sy, _] = ray.factors;
+        let [ox, oy, oz] = splat(simd, ray.sheared_origin);
+        let [sx, sy, _] = splat(simd, ray.factors);
         let z = simd.load_f32(&self.vertices[first + z]) - oz;
         let x = simd.load_f32(&self.vertices[first + x]) - ox;
         let y = simd.load_f32(&self.vertices[first + y]) - oy;
@@ -290,6 +298,10 @@ pub(crate) fn triangle<S: Simd>(
     let greatest = u.max(v).max(w);
     let twice = error + error;
     let possible = (least.ge(-error) & front) | (greatest.le(error) & back);
+    if !possible.any() {
+        // Most leaves are done with here.
+        return Intervals { possible, sure: possible, low: error, high: error };
+    }
     let sure = (least.gt(twice) & front) | (greatest.lt(-twice) & back);
     let (a_depth, b_depth, c_depth) = (sz * az, sz * bz, sz * cz);
     let nearest = a_depth.min(b_depth).min(c_depth);
@@ -342,8 +354,8 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
     use rayset_geometry::glam::{DVec3, dvec3};
-    use rayset_geometry::{BoundingBox, Probe, Sides, Span, Sphere, Triangle, unit};
-    use rayset_simd::{Backend, Kernel, LaneMask, Scalar};
+    use rayset_geometry::{BoundingBox, Probe, Ray, Sides, Span, Sphere, Triangle, unit};
+    use rayset_simd::{Backend, Kernel, Scalar};
 
     use super::*;
     use crate::frame::Frame;
@@ -430,7 +442,7 @@ mod tests {
                     tally.lost += 1;
                     continue;
                 };
-                let mut leaf = LeafRay::new(simd, &cull, &ray, true);
+                let mut leaf = LeafRay::new(simd, &cull, Some(&Shear::of(&ray)));
                 leaf.unit *= self.factor;
                 let probe = Probe::new(Scalar, &ray, span, true);
                 let (found, exact) = if let Some(triangle) = triangle {

@@ -14,6 +14,8 @@ const LEAF: u32 = 1 << 31;
 pub(crate) struct Child(pub(crate) u32);
 
 impl Child {
+    pub(crate) const ROOT: Self = Self(0);
+
     pub(crate) fn node(index: usize) -> Self {
         Self(checked(index))
     }
@@ -66,7 +68,9 @@ impl<const W: usize> Node<W> {
 /// A tree over leaves that somebody else keeps.
 #[derive(Clone, Debug)]
 pub(crate) struct Tree<const W: usize> {
-    /// The first is the root; never empty.
+    /// Where a traversal starts: the first node, or the only leaf.
+    pub(crate) root: Child,
+    /// Never empty.
     pub(crate) nodes: Vec<Node<W>>,
     /// The longest way from the root to a leaf, in nodes.
     pub(crate) depth: usize,
@@ -75,7 +79,8 @@ pub(crate) struct Tree<const W: usize> {
 impl<const W: usize> Tree<W> {
     /// Gives the leaves other numbers.
     pub(crate) fn relabel_leaves(&mut self, labels: &[u32]) {
-        for child in self.nodes.iter_mut().flat_map(|node| &mut node.children) {
+        let children = self.nodes.iter_mut().flat_map(|node| &mut node.children);
+        for child in children.chain([&mut self.root.0]) {
             // An empty slot has the number of a leaf that is never met.
             if Child(*child).is_leaf()
                 && let Some(&label) = labels.get(Child(*child).index())

@@ -23,7 +23,7 @@ pub(crate) const HIT_MARGIN: f64 = 2.0 * rayset_geometry::PARTITION_MARGIN;
 const FAR: f64 = 4.0;
 
 /// Components of the direction of a smaller size count as this.
-const LEAST_COMPONENT: f64 = 1e-18;
+const LEAST_COMPONENT: f32 = 1e-18;
 
 /// A ray prepared for culling: it only discards what the `f64` ray cannot hit.
 #[derive(Clone, Copy, Debug)]
@@ -41,8 +41,9 @@ pub(crate) struct CullRay {
     pub(crate) start_above: f32,
     /// Where the span ends, or less.
     pub(crate) end_below: f32,
-    /// The origin in culling space, moved along the ray if it was far off.
-    pub(crate) origin: DVec3,
+    /// The origin in culling space, moved along the ray if it was far off, and the direction; rounded.
+    pub(crate) origin: [f32; 3],
+    pub(crate) direction: [f32; 3],
     /// How far off a coordinate may be: see [`crate::interval`].
     pub(crate) unit: f32,
     /// World units to units of culling space.
@@ -53,15 +54,14 @@ pub(crate) struct CullRay {
 
 impl CullRay {
     /// Prepares a ray; `None` if it is so far off that it cannot hit anything.
-    #[inline]
+    #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "the margin makes up for the rounding")]
     pub(crate) fn new(frame: &Frame, ray: &Ray, span: Span) -> Option<Self> {
         let direction = ray.direction();
         let mut origin = frame.point(ray.origin());
         let mut size = origin.abs().max_element();
         // The error of a hit grows with the coordinates of the origin as it was, and with those of the scene.
-        let center = frame.center.abs().max_element() * frame.scale;
-        let mut hit_slack = HIT_MARGIN * (2.0 * (size + center) + 1.0);
+        let mut hit_slack = HIT_MARGIN * (2.0 * (size + frame.remoteness) + 1.0);
         let mut advance = 0.0;
         let mut start = span.start * frame.scale;
         if hit_slack.is_nan() || hit_slack >= 1.0 {
@@ -76,31 +76,34 @@ impl CullRay {
                 return None;
             }
         }
-        let slack = SLAB_MARGIN * (1.0 + size) + hit_slack;
+        let slack = (SLAB_MARGIN * (1.0 + size) + hit_slack) as f32;
+        let single = |v: DVec3| [v.x as f32, v.y as f32, v.z as f32];
+        let (origin_single, direction_single) = (single(origin), single(direction));
         let mut cull = Self {
             inverse: [0.0; 3],
             near_offset: [0.0; 3],
             far_offset: [0.0; 3],
-            near: [0, 1, 2],
-            far: [3, 4, 5],
+            near: [0; 3],
+            far: [0; 3],
             start: round_down(start - advance),
             start_above: round_up(start.max(0.0) - advance),
             end_below: round_down(span.end * frame.scale - advance),
-            origin,
+            origin: origin_single,
+            direction: direction_single,
             unit: ((1.0 + size) / 16_777_216.0 + hit_slack) as f32,
             scale: frame.scale,
             advance,
         };
         for k in 0..3 {
-            let inverse = 1.0 / direction[k].abs().max(LEAST_COMPONENT);
-            let (inverse, towards) =
-                if direction[k].is_sign_negative() { (-inverse, -slack) } else { (inverse, slack) };
-            if towards < 0.0 {
-                (cull.near[k], cull.far[k]) = (3 + k, k);
-            }
-            cull.inverse[k] = inverse as f32;
-            cull.near_offset[k] = ((-origin[k] - towards) * inverse) as f32;
-            cull.far_offset[k] = ((-origin[k] + towards) * inverse) as f32;
+            let (o, d) = (origin_single[k], direction_single[k]);
+            let inverse = (1.0 / d.abs().max(LEAST_COMPONENT)).copysign(d);
+            let towards = slack.copysign(d);
+            cull.inverse[k] = inverse;
+            cull.near_offset[k] = (-o - towards) * inverse;
+            cull.far_offset[k] = (towards - o) * inverse;
+            let is_turned = usize::from(d.is_sign_negative());
+            cull.near[k] = k + 3 * is_turned;
+            cull.far[k] = 3 + k - 3 * is_turned;
         }
         Some(cull)
     }

@@ -2,12 +2,14 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
     ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
 };
 use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
+use crate::build::Reference;
 use crate::frame::Frame;
 use crate::interval::{Intervals, LeafRay, SphereBlock, TriangleBlock};
 use crate::ray::CullRay;
@@ -27,6 +29,42 @@ impl Hit {
     pub(crate) fn precedes(&self, other: &Self) -> bool {
         self.t < other.t || (self.t.total_cmp(&other.t).is_eq() && self.primitive < other.primitive)
     }
+}
+
+/// What kinds of primitives there are, known when a traversal is compiled: what is not there is not prepared for.
+///
+/// A type parameter: a loop over leaves of any kind would have the constants of all tests computed in front of it, for
+/// every ray.
+pub(crate) trait Content {
+    const SPHERES: bool;
+    const TRIANGLES: bool;
+    /// Polygons and cones.
+    const OTHERS: bool;
+}
+
+/// Spheres alone.
+pub(crate) struct OnlySpheres;
+/// Triangles alone.
+pub(crate) struct OnlyTriangles;
+/// Anything.
+pub(crate) struct Anything;
+
+impl Content for OnlySpheres {
+    const SPHERES: bool = true;
+    const TRIANGLES: bool = false;
+    const OTHERS: bool = false;
+}
+
+impl Content for OnlyTriangles {
+    const SPHERES: bool = false;
+    const TRIANGLES: bool = true;
+    const OTHERS: bool = false;
+}
+
+impl Content for Anything {
+    const SPHERES: bool = true;
+    const TRIANGLES: bool = true;
+    const OTHERS: bool = true;
 }
 
 /// Primitives of one kind and visibility in a leaf.
@@ -55,6 +93,10 @@ pub(crate) struct Shapes<const W: usize> {
     columns: PrimitiveColumns,
     /// The number of each primitive of a kind.
     numbers: [Vec<u32>; 4],
+    /// Whether there is any triangle or polygon: whether a ray needs a shear.
+    is_flat: bool,
+    /// The only kind there is, if there is one.
+    only: Option<PrimitiveKind>,
     /// Where each primitive went.
     places: Vec<(PrimitiveKind, u32)>,
 }
@@ -62,9 +104,10 @@ pub(crate) struct Shapes<const W: usize> {
 /// A ray prepared for the leaves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prepared<S: Simd> {
+    simd: S,
     leaf: LeafRay<S>,
+    /// What the exact tests are made of; in lanes only where a leaf asks for them.
     one: Probe<Scalar>,
-    lanes: Probe<S>,
     departure: Option<Departure>,
 }
 
@@ -88,15 +131,21 @@ impl<const W: usize> Shapes<W> {
         frame: &Frame,
         source: &PrimitiveColumns,
         items: &[(PrimitiveKind, u32, Sides)],
-        order: impl Fn(usize) -> u32,
+        references: &[Reference],
         leaves: &[Range<u32>],
     ) -> (Self, Vec<u32>) {
+        let first = items.first();
+        if let Some(&(kind @ (PrimitiveKind::Sphere | PrimitiveKind::Triangle), _, sides)) = first
+            && items.iter().all(|item| (item.0, item.2) == (kind, sides))
+        {
+            return Self::arrange_alike(frame, source, items, references, leaves);
+        }
         let mut shapes = Self { places: vec![(PrimitiveKind::Sphere, 0); items.len()], ..Self::default() };
         let mut members = Vec::new();
         let mut leaf_runs = Vec::with_capacity(leaves.len());
         for leaf in leaves {
             members.clear();
-            members.extend(leaf.clone().map(|i| order(i as usize)));
+            members.extend(leaf.clone().map(|i| references[i as usize].primitive()));
             // By kind and sides for long runs; by number within, since the least number wins a tie.
             members.sort_unstable_by_key(|&number| {
                 let (kind, _, sides) = items[number as usize];
@@ -113,7 +162,69 @@ impl<const W: usize> Shapes<W> {
                 last.goes_on = false;
             }
         }
+        shapes.only =
+            items.first().map(|first| first.0).filter(|&kind| items.iter().all(|item| item.0 == kind));
+        shapes.is_flat = shapes.columns.is_flat() || !shapes.triangles.is_empty();
         (shapes, leaf_runs)
+    }
+
+    /// The same for spheres alone, or triangles, all visible from the same sides: a leaf is a run and a block, and the
+    /// primitives stand as the references do, so that each can be put in its place by any thread.
+    fn arrange_alike(
+        frame: &Frame,
+        source: &PrimitiveColumns,
+        items: &[(PrimitiveKind, u32, Sides)],
+        references: &[Reference],
+        leaves: &[Range<u32>],
+    ) -> (Self, Vec<u32>) {
+        let (kind, _, sides) = items[0];
+        let index = |reference: &Reference| items[reference.primitive() as usize].1;
+        let mut shapes = Self { only: Some(kind), ..Self::default() };
+        let run = |(block, leaf): (usize, &Range<u32>)| Run {
+            kind,
+            sides,
+            goes_on: false,
+            len: u16::try_from(leaf.len()).expect("a leaf is small"),
+            first: leaf.start,
+            block: index_of(block),
+        };
+        shapes.runs = leaves.par_iter().enumerate().with_min_len(1024).map(run).collect();
+        let members = |leaf: &Range<u32>| &references[leaf.start as usize..leaf.end as usize];
+        if kind == PrimitiveKind::Sphere {
+            let block = |leaf| {
+                let mut block = SphereBlock::EMPTY;
+                for (lane, reference) in members(leaf).iter().enumerate() {
+                    let sphere = source.sphere(index(reference));
+                    block.set(lane, frame.point(sphere.center()).to_array(), sphere.radius() * frame.scale);
+                }
+                block
+            };
+            shapes.sphere_blocks = leaves.par_iter().with_min_len(64).map(block).collect();
+            let sphere = |reference| source.sphere(index(reference));
+            shapes.spheres = references.par_iter().with_min_len(1024).map(sphere).collect();
+        } else {
+            shapes.is_flat = true;
+            let triangle = |reference| source.triangle(index(reference));
+            shapes.triangles = references.par_iter().with_min_len(1024).map(triangle).collect();
+            let triangles = &shapes.triangles;
+            let block = |leaf: &Range<u32>| {
+                let mut block = TriangleBlock::EMPTY;
+                for (lane, i) in leaf.clone().enumerate() {
+                    let place = |vertex: &DVec3| frame.point(*vertex).to_array();
+                    let [a, b, c] = triangles[i as usize].vertices();
+                    block.set(lane, [place(a), place(b), place(c)]);
+                }
+                block
+            };
+            shapes.triangle_blocks = leaves.par_iter().with_min_len(64).map(block).collect();
+        }
+        let numbers = references.par_iter().with_min_len(1024).map(Reference::primitive).collect();
+        shapes.places = vec![(kind, 0); items.len()];
+        for (place, reference) in references.iter().enumerate() {
+            shapes.places[reference.primitive() as usize].1 = index_of(place);
+        }
+        shapes.numbers[kind as usize] = numbers;
+        (shapes, (0..index_of(leaves.len())).collect())
     }
 
     fn push_run(
@@ -162,9 +273,15 @@ impl<const W: usize> Shapes<W> {
         }
     }
 
+    /// Whether there is nothing but spheres, or nothing but triangles.
+    #[inline(always)]
+    pub(crate) fn is_only(&self, kind: PrimitiveKind) -> bool {
+        self.only == Some(kind)
+    }
+
     /// Prepares a ray that leaves a primitive into one of its sides, or none.
     #[inline(always)]
-    pub(crate) fn prepare<S: Simd>(
+    pub(crate) fn prepare<S: Simd, C: Content>(
         &self,
         simd: S,
         cull: &CullRay,
@@ -172,8 +289,8 @@ impl<const W: usize> Shapes<W> {
         span: Span,
         from: Option<(u32, Side)>,
     ) -> Prepared<S> {
-        let (triangles, polygons) =
-            (!self.triangles.is_empty(), !self.numbers[PrimitiveKind::Polygon as usize].is_empty());
+        let is_flat = C::TRIANGLES && (!C::OTHERS || self.is_flat);
+        let one = Probe::new(Scalar, ray, span, is_flat);
         let departure = match from {
             None => None,
             Some((primitive, side)) => {
@@ -181,12 +298,8 @@ impl<const W: usize> Shapes<W> {
                 Some(Departure { kind, index, side })
             }
         };
-        Prepared {
-            leaf: LeafRay::new(simd, cull, ray, triangles),
-            one: Probe::new(Scalar, ray, span, triangles),
-            lanes: Probe::new(simd, ray, span, polygons),
-            departure,
-        }
+        let leaf = LeafRay::new(simd, cull, if is_flat { Some(one.shear()) } else { None });
+        Prepared { simd, leaf, one, departure }
     }
 
     /// The lanes of a run whose front, and whose back, may be hit.
@@ -210,7 +323,7 @@ impl<const W: usize> Shapes<W> {
 
     /// The exact distance to a sphere or triangle.
     #[inline(always)]
-    fn exact<S: Simd>(
+    fn exact<S: Simd, C: Content>(
         &self,
         ray: &Prepared<S>,
         kind: PrimitiveKind,
@@ -222,7 +335,10 @@ impl<const W: usize> Shapes<W> {
             _ => None,
         };
         match kind {
-            PrimitiveKind::Sphere => {
+            _ if !C::TRIANGLES => {
+                self.spheres[index as usize].intersect(ray.one.ray(), ray.one.span(), sides, departure)
+            }
+            PrimitiveKind::Sphere if C::SPHERES => {
                 self.spheres[index as usize].intersect(ray.one.ray(), ray.one.span(), sides, departure)
             }
             _ => self.triangles[index as usize].intersect(&ray.one, sides, departure),
@@ -230,10 +346,13 @@ impl<const W: usize> Shapes<W> {
     }
 
     #[inline(always)]
-    fn intervals<S: Simd>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> Intervals<S> {
+    fn intervals<S: Simd, C: Content>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> Intervals<S> {
         let (front, back) = Self::allowed(run, ray.departure);
         match run.kind {
-            PrimitiveKind::Sphere => {
+            _ if !C::TRIANGLES => {
+                self.sphere_blocks[run.block as usize].intervals(&ray.leaf, end, front, back)
+            }
+            PrimitiveKind::Sphere if C::SPHERES => {
                 self.sphere_blocks[run.block as usize].intervals(&ray.leaf, end, front, back)
             }
             _ => self.triangle_blocks[run.block as usize].intervals(&ray.leaf, end, front, back),
@@ -296,12 +415,12 @@ impl<const W: usize> Shapes<W> {
 
     /// The hit that was known by an interval only.
     #[inline(always)]
-    pub(crate) fn resolve<S: Simd>(&self, ray: &Prepared<S>, nearest: Nearest) -> Option<Hit> {
+    pub(crate) fn resolve<S: Simd, C: Content>(&self, ray: &Prepared<S>, nearest: Nearest) -> Option<Hit> {
         match nearest {
             Nearest::None => None,
             Nearest::At(hit) => Some(hit),
             Nearest::Between { kind, index, sides, .. } => {
-                let t = self.exact(ray, kind, index, sides);
+                let t = self.exact::<S, C>(ray, kind, index, sides);
                 debug_assert!(t.is_some(), "a sure hit is one");
                 let primitive = self.numbers[kind as usize][index as usize];
                 t.map(|t| Hit { t, primitive })
@@ -311,7 +430,7 @@ impl<const W: usize> Shapes<W> {
 
     /// Keeps the nearest of a hit and those in a leaf; `end` is where the span ends for what is still to be found.
     #[inline(always)]
-    pub(crate) fn nearest<S: Simd>(
+    pub(crate) fn nearest<S: Simd, C: Content>(
         &self,
         first_run: usize,
         ray: &Prepared<S>,
@@ -325,13 +444,16 @@ impl<const W: usize> Shapes<W> {
             let run = &self.runs[i];
             *tests += u64::from(run.len);
             match run.kind {
+                _ if !C::OTHERS => self.nearest_in_block::<S, C>(run, ray, cull, nearest, end),
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
-                    self.nearest_in_block(run, ray, cull, nearest, end);
+                    self.nearest_in_block::<S, C>(run, ray, cull, nearest, end);
                 }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(hit) = self.columns.nearest(&ray.lanes, &run.columns(), ray.departure) {
+                    if let Some(hit) =
+                        self.columns.nearest(&ray.one.spread(ray.simd), &run.columns(), ray.departure)
+                    {
                         let primitive = self.numbers[run.kind as usize][hit.index as usize];
-                        self.offer(ray, cull, nearest, end, Hit { t: hit.t, primitive });
+                        self.offer::<S, C>(ray, cull, nearest, end, Hit { t: hit.t, primitive });
                     }
                 }
             }
@@ -343,7 +465,7 @@ impl<const W: usize> Shapes<W> {
     }
 
     #[inline(always)]
-    fn nearest_in_block<S: Simd>(
+    fn nearest_in_block<S: Simd, C: Content>(
         &self,
         run: &Run,
         ray: &Prepared<S>,
@@ -351,7 +473,7 @@ impl<const W: usize> Shapes<W> {
         nearest: &mut Nearest,
         end: &mut f32,
     ) {
-        let found = self.intervals(run, ray, *end);
+        let found = self.intervals::<S, C>(run, ray, *end);
         let mut bits = found.possible.bits();
         if bits == 0 {
             return;
@@ -377,16 +499,16 @@ impl<const W: usize> Shapes<W> {
             if is_sure && before {
                 *nearest = Nearest::Between { low, kind: run.kind, index, sides: run.sides };
                 *end = high;
-            } else if let Some(t) = self.exact(ray, run.kind, index, run.sides) {
+            } else if let Some(t) = self.exact::<S, C>(ray, run.kind, index, run.sides) {
                 let primitive = self.numbers[run.kind as usize][index as usize];
-                self.offer(ray, cull, nearest, end, Hit { t, primitive });
+                self.offer::<S, C>(ray, cull, nearest, end, Hit { t, primitive });
             }
         }
     }
 
     /// Keeps the nearer of an exact hit and the nearest so far.
     #[inline(always)]
-    fn offer<S: Simd>(
+    fn offer<S: Simd, C: Content>(
         &self,
         ray: &Prepared<S>,
         cull: &CullRay,
@@ -394,7 +516,7 @@ impl<const W: usize> Shapes<W> {
         end: &mut f32,
         hit: Hit,
     ) {
-        let hit = match self.resolve(ray, *nearest) {
+        let hit = match self.resolve::<S, C>(ray, *nearest) {
             Some(best) if !hit.precedes(&best) => best,
             _ => hit,
         };
@@ -404,7 +526,7 @@ impl<const W: usize> Shapes<W> {
 
     /// Whether anything in a leaf is hit.
     #[inline(always)]
-    pub(crate) fn any<S: Simd>(
+    pub(crate) fn any<S: Simd, C: Content>(
         &self,
         first_run: usize,
         ray: &Prepared<S>,
@@ -416,9 +538,10 @@ impl<const W: usize> Shapes<W> {
             let run = &self.runs[i];
             *tests += u64::from(run.len);
             let is_hit = match run.kind {
-                PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block(run, ray, end),
+                _ if !C::OTHERS => self.any_in_block::<S, C>(run, ray, end),
+                PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block::<S, C>(run, ray, end),
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    self.columns.any(&ray.lanes, &run.columns(), ray.departure).is_some()
+                    self.columns.any(&ray.one.spread(ray.simd), &run.columns(), ray.departure).is_some()
                 }
             };
             if is_hit || !run.goes_on {
@@ -429,8 +552,8 @@ impl<const W: usize> Shapes<W> {
     }
 
     #[inline(always)]
-    fn any_in_block<S: Simd>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> bool {
-        let found = self.intervals(run, ray, end);
+    fn any_in_block<S: Simd, C: Content>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> bool {
+        let found = self.intervals::<S, C>(run, ray, end);
         if found.sure.any() {
             return true;
         }
@@ -438,7 +561,7 @@ impl<const W: usize> Shapes<W> {
         while bits != 0 {
             let lane = bits.trailing_zeros();
             bits &= bits - 1;
-            if self.exact(ray, run.kind, run.first + lane, run.sides).is_some() {
+            if self.exact::<S, C>(ray, run.kind, run.first + lane, run.sides).is_some() {
                 return true;
             }
         }

@@ -2,6 +2,7 @@
 
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
+use crate::interval::splat;
 use crate::node::{Child, Node, Tree};
 use crate::ray::CullRay;
 
@@ -21,15 +22,21 @@ pub struct Steps {
 }
 
 /// What is still to visit: children, and where the ray enters them.
+///
+/// An entry is a child in the lower half of a word, and in the upper the bits of a distance that is not negative: such
+/// bits are ordered as the numbers are, so that comparing entries compares distances.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stack {
-    pub(crate) entries: Vec<(Child, f32)>,
+    entries: Vec<u64>,
+    /// The same of a packet, with distances along its axis.
+    pub(crate) together: Vec<(Child, f32)>,
 }
 
 impl Stack {
     /// A stack that no traversal of the tree can overflow.
     pub(crate) fn of<const W: usize>(tree: &Tree<W>) -> Self {
-        Self { entries: vec![(Child(0), 0.0); tree.depth * (W - 1) + W] }
+        let len = tree.depth * (W - 1) + W;
+        Self { entries: vec![0; len], together: vec![(Child(0), 0.0); len] }
     }
 }
 
@@ -45,30 +52,35 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
     visitor: &mut impl Visitor,
 ) {
     assert!(S::F32::LANES == W, "a node is as wide as the lanes");
+    // Known here, so that no load has to ask.
+    let (near_planes, far_planes) = (ray.near, ray.far);
+    assert!(near_planes[0].max(near_planes[1]).max(near_planes[2]) < 6, "a node has six planes");
+    assert!(far_planes[0].max(far_planes[1]).max(far_planes[2]) < 6, "a node has six planes");
     let [ix, iy, iz] = splat(simd, ray.inverse);
     let [nx, ny, nz] = splat(simd, ray.near_offset);
     let [fx, fy, fz] = splat(simd, ray.far_offset);
     let start = simd.splat_f32(ray.start);
-    let mut end = end;
     let mut ends = simd.splat_f32(end);
+    let mut end_bits = end.max(0.0).to_bits();
     let stack = stack.entries.as_mut_slice();
     let mut height = 0;
-    let mut current = Child::node(0);
-    loop {
+    let mut current = tree.root;
+    let (mut nodes, mut leaves) = (0, 0);
+    'visit: loop {
         if current.is_leaf() {
-            steps.leaves += 1;
+            leaves += 1;
             match visitor.leaf(current.index()) {
-                None => return,
-                Some(new) => {
-                    end = new;
+                None => break 'visit,
+                Some(end) => {
                     ends = simd.splat_f32(end);
+                    end_bits = end.max(0.0).to_bits();
                 }
             }
         } else {
-            steps.nodes += 1;
+            nodes += 1;
             let node = &tree.nodes[current.index()];
-            let [near_x, near_y, near_z] = load(simd, node, ray.near);
-            let [far_x, far_y, far_z] = load(simd, node, ray.far);
+            let [near_x, near_y, near_z] = load(simd, node, near_planes);
+            let [far_x, far_y, far_z] = load(simd, node, far_planes);
             let (near_x, far_x) = (near_x.mul_add(ix, nx), far_x.mul_add(ix, fx));
             let (near_y, far_y) = (near_y.mul_add(iy, ny), far_y.mul_add(iy, fy));
             let (near_z, far_z) = (near_z.mul_add(iz, nz), far_z.mul_add(iz, fz));
@@ -77,57 +89,89 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
             let met = near.le(far);
             let mut bits = met.bits();
             if bits != 0 {
-                let first = bits.trailing_zeros() as usize;
+                let first = bits.trailing_zeros() as usize % W;
                 bits &= bits - 1;
                 if bits == 0 {
                     current = Child(node.children[first]);
                     continue;
                 }
+                // Clamped, and so is what it is compared with: a distance below zero sorts as zero.
+                let near = near.max(simd.splat_f32(0.0));
                 let mut entries = [0.0; W];
                 near.store(&mut entries);
-                let mut nearest = (Child(node.children[first]), entries[first]);
-                let base = height;
-                while bits != 0 {
-                    let lane = bits.trailing_zeros() as usize;
-                    bits &= bits - 1;
-                    let mut other = (Child(node.children[lane]), entries[lane]);
-                    if other.1 < nearest.1 {
-                        std::mem::swap(&mut nearest, &mut other);
-                    }
-                    // Insertion into what this node has pushed, the nearest last.
-                    let mut place = height;
-                    while place > base && stack[place - 1].1 < other.1 {
-                        stack[place] = stack[place - 1];
-                        place -= 1;
-                    }
-                    stack[place] = other;
+                let second = bits.trailing_zeros() as usize % W;
+                bits &= bits - 1;
+                let (a, b) = (entry(node, &entries, first), entry(node, &entries, second));
+                let (mut a, mut b) = (a.min(b), a.max(b));
+                if bits == 0 {
+                    stack[height] = b;
                     height += 1;
+                } else {
+                    let third = bits.trailing_zeros() as usize % W;
+                    bits &= bits - 1;
+                    let mut c = entry(node, &entries, third);
+                    (b, c) = (b.min(c), b.max(c));
+                    (a, b) = (a.min(b), a.max(b));
+                    if bits == 0 {
+                        let top = &mut stack[height..height + 2];
+                        (top[0], top[1]) = (c, b);
+                        height += 2;
+                    } else {
+                        let base = height;
+                        let top = &mut stack[height..height + 3];
+                        (top[0], top[1]) = (c, b);
+                        height += 2;
+                        while bits != 0 {
+                            let lane = bits.trailing_zeros() as usize % W;
+                            bits &= bits - 1;
+                            let other = entry(node, &entries, lane);
+                            let (nearer, other) = (a.min(other), a.max(other));
+                            a = nearer;
+                            // Insertion into what this node has pushed, the nearest last.
+                            let mut place = height;
+                            while place > base && stack[place - 1] < other {
+                                stack[place] = stack[place - 1];
+                                place -= 1;
+                            }
+                            stack[place] = other;
+                            height += 1;
+                        }
+                    }
                 }
-                current = nearest.0;
+                current = child_of(a);
                 continue;
             }
         }
         // The next that the ray enters before the end.
         loop {
             if height == 0 {
-                return;
+                break 'visit;
             }
             height -= 1;
-            if stack[height].1 <= end {
-                current = stack[height].0;
+            let entry = stack[height];
+            if (entry >> 32) as u32 <= end_bits {
+                current = child_of(entry);
                 break;
             }
         }
     }
+    steps.nodes += nodes;
+    steps.leaves += leaves;
+}
+
+#[inline(always)]
+fn entry<const W: usize>(node: &Node<W>, entries: &[f32; W], lane: usize) -> u64 {
+    u64::from(entries[lane].to_bits()) << 32 | u64::from(node.children[lane])
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "the lower half")]
+fn child_of(entry: u64) -> Child {
+    Child(entry as u32)
 }
 
 /// Three planes of all boxes of a node.
 #[inline(always)]
 fn load<S: Simd, const W: usize>(simd: S, node: &Node<W>, [x, y, z]: [usize; 3]) -> [S::F32; 3] {
     [simd.load_f32(&node.planes[x]), simd.load_f32(&node.planes[y]), simd.load_f32(&node.planes[z])]
-}
-
-#[inline(always)]
-fn splat<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [S::F32; 3] {
-    [simd.splat_f32(x), simd.splat_f32(y), simd.splat_f32(z)]
 }

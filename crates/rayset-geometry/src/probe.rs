@@ -80,6 +80,21 @@ impl<S: Simd> Probe<S> {
         Self { simd, ray: *ray, span, lanes: RayLanes::splat(simd, ray), shear }
     }
 
+    /// The same ray in the lanes of another backend.
+    #[must_use]
+    #[inline(always)]
+    pub fn spread<T: Simd>(&self, simd: T) -> Probe<T> {
+        let Self { ray, span, shear, .. } = *self;
+        Probe { simd, ray, span, lanes: RayLanes::splat(simd, &ray), shear }
+    }
+
+    /// The shear of the ray, if it was prepared for triangles or polygons.
+    #[must_use]
+    #[inline(always)]
+    pub fn shear(&self) -> &Shear {
+        &self.shear
+    }
+
     /// The ray.
     #[must_use]
     pub fn ray(&self) -> &Ray {

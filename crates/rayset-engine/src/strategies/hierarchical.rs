@@ -6,18 +6,24 @@
 //! Source: Wald, Benthin and Boulos 2008, "Getting rid of packets", for wide nodes that one ray tests in lanes.
 
 use rayset_bvh::{Hierarchy, Scratch};
-use rayset_geometry::Sides;
-use rayset_scene::{PrimitiveId, Scene, VolumeId};
-use rayset_simd::{Backend, Lanes, Simd};
+use rayset_geometry::{Ray, Sides, Span};
+use rayset_scene::{ObjectId, PrimitiveId, Scene, VolumeId};
+use rayset_simd::{Backend, Kernel, Lanes, Simd};
 
-use crate::strategy::LaneTracer;
-use crate::{Hit, IntersectionStrategy, Originating, RayQuery, Recording, ShadowQuery, Stats, Tracer};
+use crate::query::Columns;
+use crate::strategy::Before;
+use crate::{
+    Answers, Generation, Hit, IntersectionStrategy, Originating, RayQuery, Recording, ShadowGeneration,
+    ShadowQuery, Stats, Tracer,
+};
 
 /// Traces every ray by itself through a hierarchy of all primitives.
 #[derive(Debug)]
 pub struct Hierarchical<'s> {
     scene: &'s Scene,
     hierarchy: Hierarchy,
+    /// The object of each primitive.
+    objects: Vec<ObjectId>,
 }
 
 impl<'s> Hierarchical<'s> {
@@ -30,7 +36,9 @@ impl<'s> Hierarchical<'s> {
     /// Builds the hierarchy of a scene, on the lanes of a backend.
     #[must_use]
     pub fn on(scene: &'s Scene, backend: Backend) -> Self {
-        Self { scene, hierarchy: hierarchy_of(scene, backend) }
+        let ids = (0..).map(PrimitiveId).take(scene.n_primitives());
+        let objects = ids.map(|id| scene.volume_object(scene.location(id).volume)).collect();
+        Self { scene, hierarchy: hierarchy_of(scene, backend), objects }
     }
 }
 
@@ -67,8 +75,8 @@ impl IntersectionStrategy for Hierarchical<'_> {
 
     fn begin_sweep(&self, recording: Recording) -> Box<dyn Tracer + '_> {
         Box::new(HierarchicalTracer {
-            scene: self.scene,
             hierarchy: &self.hierarchy,
+            objects: &self.objects,
             scratch: self.hierarchy.scratch(),
             recording,
             stats: Stats::default(),
@@ -77,8 +85,8 @@ impl IntersectionStrategy for Hierarchical<'_> {
 }
 
 struct HierarchicalTracer<'s> {
-    scene: &'s Scene,
     hierarchy: &'s Hierarchy,
+    objects: &'s [ObjectId],
     scratch: Scratch,
     recording: Recording,
     stats: Stats,
@@ -92,6 +100,26 @@ pub(super) fn hit_of(scene: &Scene, hit: rayset_bvh::Hit) -> Hit {
 }
 
 impl HierarchicalTracer<'_> {
+    #[inline(always)]
+    fn nearest_on<S: Simd>(
+        &mut self,
+        simd: S,
+        ray: &Ray,
+        span: Span,
+        from: Option<&Originating>,
+    ) -> Option<Hit> {
+        let from = from.map(|from| (from.primitive.0, from.side));
+        let hit = self.hierarchy.nearest_on(simd, ray, span, from, &mut self.scratch)?;
+        let (object, primitive) = (self.objects[hit.primitive as usize], PrimitiveId(hit.primitive));
+        Some(Hit { t: hit.t, object, primitive })
+    }
+
+    #[inline(always)]
+    fn occluded_on<S: Simd>(&mut self, simd: S, ray: &Ray, span: Span, from: Option<&Originating>) -> bool {
+        let from = from.map(|from| (from.primitive.0, from.side));
+        self.hierarchy.occluded_on(simd, ray, span, from, &mut self.scratch)
+    }
+
     /// Takes over what the hierarchy has counted.
     #[inline(always)]
     fn count<S: Simd>(&mut self) {
@@ -101,38 +129,110 @@ impl HierarchicalTracer<'_> {
     }
 }
 
-#[inline(always)]
-fn from(originating: &Originating) -> (u32, rayset_geometry::Side) {
-    (originating.primitive.0, originating.side)
-}
-
-impl LaneTracer for HierarchicalTracer<'_> {
-    #[inline(always)]
-    fn nearest_on<S: Simd>(&mut self, simd: S, query: &RayQuery) -> Option<Hit> {
-        let from = query.originating.as_ref().map(from);
-        let hit = self.hierarchy.nearest_on(simd, &query.ray, query.span, from, &mut self.scratch);
-        self.count::<S>();
-        Some(hit_of(self.scene, hit?))
+impl Tracer for HierarchicalTracer<'_> {
+    fn nearest(&mut self, query: &RayQuery) -> Option<Hit> {
+        self.hierarchy.backend().run(NearestOne { tracer: self, query })
     }
 
-    #[inline(always)]
-    fn occluded_on<S: Simd>(&mut self, simd: S, query: &ShadowQuery) -> bool {
-        let from = from(&query.originating);
-        let occluded =
-            self.hierarchy.occluded_on(simd, &query.ray, query.span, Some(from), &mut self.scratch);
-        self.count::<S>();
-        occluded
+    fn occluded(&mut self, query: &ShadowQuery) -> bool {
+        self.hierarchy.backend().run(OccludedOne { tracer: self, query })
     }
 
-    fn lane_stats(&self) -> &Stats {
+    fn stats(&self) -> &Stats {
         &self.stats
     }
 
-    fn lane_recording(&self) -> Recording {
+    fn recording(&self) -> Recording {
         self.recording
     }
 
-    fn backend(&self) -> Backend {
-        self.hierarchy.backend()
+    fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
+        self.hierarchy.backend().run(NearestBundle { tracer: self, generation, answers });
+    }
+
+    fn occluded_bundle(&mut self, generation: &ShadowGeneration, answers: &mut Answers<bool>) {
+        self.hierarchy.backend().run(OccludedBundle { tracer: self, generation, answers });
+    }
+}
+
+struct NearestOne<'a, 's> {
+    tracer: &'a mut HierarchicalTracer<'s>,
+    query: &'a RayQuery,
+}
+
+impl Kernel for NearestOne<'_, '_> {
+    type Output = Option<Hit>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Option<Hit> {
+        let RayQuery { ray, span, originating, .. } = self.query;
+        let hit = self.tracer.nearest_on(simd, ray, *span, originating.as_ref());
+        self.tracer.count::<S>();
+        hit
+    }
+}
+
+struct OccludedOne<'a, 's> {
+    tracer: &'a mut HierarchicalTracer<'s>,
+    query: &'a ShadowQuery,
+}
+
+impl Kernel for OccludedOne<'_, '_> {
+    type Output = bool;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> bool {
+        let ShadowQuery { ray, span, originating, .. } = self.query;
+        let occluded = self.tracer.occluded_on(simd, ray, *span, Some(originating));
+        self.tracer.count::<S>();
+        occluded
+    }
+}
+
+struct NearestBundle<'a, 's> {
+    tracer: &'a mut HierarchicalTracer<'s>,
+    generation: &'a Generation,
+    answers: &'a mut Answers<Option<Hit>>,
+}
+
+impl Kernel for NearestBundle<'_, '_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { tracer, generation, answers } = self;
+        let columns = Columns::of(generation);
+        answers.values.reserve(columns.slots.len());
+        for (i, from) in columns.originating.iter().enumerate() {
+            let before = Before::of(tracer);
+            answers.values.push(tracer.nearest_on(simd, &columns.ray(i), columns.span(i), from.as_ref()));
+            if tracer.recording == Recording::PerQuery {
+                tracer.count::<S>();
+            }
+            before.record(tracer, &mut answers.work);
+        }
+        tracer.count::<S>();
+    }
+}
+
+struct OccludedBundle<'a, 's> {
+    tracer: &'a mut HierarchicalTracer<'s>,
+    generation: &'a ShadowGeneration,
+    answers: &'a mut Answers<bool>,
+}
+
+impl Kernel for OccludedBundle<'_, '_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { tracer, generation, answers } = self;
+        let columns = Columns::of(generation.rays());
+        answers.values.reserve(columns.slots.len());
+        for (i, from) in columns.originating.iter().enumerate() {
+            let before = Before::of(tracer);
+            answers.values.push(tracer.occluded_on(simd, &columns.ray(i), columns.span(i), from.as_ref()));
+            if tracer.recording == Recording::PerQuery {
+                tracer.count::<S>();
+            }
+            before.record(tracer, &mut answers.work);
+        }
+        tracer.count::<S>();
     }
 }
