@@ -16,7 +16,10 @@
 //! assert_eq!((hit.t, hit.primitive), (4.0, 0));
 //! ```
 
+mod batch;
+mod boxes;
 mod build;
+mod duplicates;
 mod frame;
 mod hierarchy;
 mod interval;
@@ -25,6 +28,8 @@ mod ray;
 mod shapes;
 mod traverse;
 
+pub use batch::Query;
+pub use boxes::BoxHierarchy;
 pub use hierarchy::{Hierarchy, Scratch};
 pub use interval::{SPHERE_MARGIN, VERTEX_MARGIN};
 pub use ray::SLAB_MARGIN;

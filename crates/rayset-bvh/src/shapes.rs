@@ -24,7 +24,7 @@ pub struct Hit {
 impl Hit {
     /// Whether this hit comes before another in the order `(t, primitive)`.
     #[inline(always)]
-    fn precedes(&self, other: &Self) -> bool {
+    pub(crate) fn precedes(&self, other: &Self) -> bool {
         self.t < other.t || (self.t.total_cmp(&other.t).is_eq() && self.primitive < other.primitive)
     }
 }
@@ -91,7 +91,9 @@ impl<const W: usize> Shapes<W> {
         order: impl Fn(usize) -> u32,
         leaves: &[Range<u32>],
     ) -> (Self, Vec<u32>) {
-        let mut shapes = Self { places: vec![(PrimitiveKind::Sphere, 0); items.len()], ..Self::default() };
+        // What is in no leaf has a place that is nobody's.
+        let nowhere = (PrimitiveKind::Sphere, u32::MAX);
+        let mut shapes = Self { places: vec![nowhere; items.len()], ..Self::default() };
         let mut members = Vec::new();
         let mut leaf_runs = Vec::with_capacity(leaves.len());
         for leaf in leaves {
