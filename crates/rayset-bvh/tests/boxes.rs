@@ -135,7 +135,7 @@ fn closure_is_called_once_a_primitive_with_what_is_left_of_the_span() {
     );
     assert_eq!(hit, Some(Hit { t: 30.0, primitive: 29 }));
     assert!(calls.iter().all(|calls| calls.get() <= 1));
-    assert!(calls[40..].iter().all(|calls| calls.get() == 0), "boxes after the end are not looked into");
+    assert!(calls[31..].iter().all(|calls| calls.get() == 0), "boxes after the hit are not looked into");
 }
 
 #[test]
