@@ -83,7 +83,7 @@ fn flat(place: Place, dice: &mut Dice) -> Primitives {
     let mut primitives = Vec::new();
     for i in 0..48 {
         let (x, y) = (0.25 * f64::from(i % 8) - 1.0, 0.25 * f64::from(i / 8) - 0.75);
-        let corner = |i: f64, j: f64| match dice_plane(x) {
+        let corner = |i: f64, j: f64| match is_first_plane(x) {
             true => dvec3(x + i, y + j, 0.5),
             false => dvec3(0.25, x + i, y + j),
         };
@@ -96,7 +96,7 @@ fn flat(place: Place, dice: &mut Dice) -> Primitives {
     two_sided(primitives)
 }
 
-fn dice_plane(x: f64) -> bool {
+fn is_first_plane(x: f64) -> bool {
     x < 0.0
 }
 
@@ -198,13 +198,14 @@ fn mesh(place: Place, _: &mut Dice) -> Primitives {
 /// Something big, and dust that is lost in its rounding.
 fn dust(place: Place, dice: &mut Dice) -> Primitives {
     let mut primitives = vec![place.sphere(DVec3::ZERO, 1.0)];
+    let mut size = 1.0;
     for k in 0..80 {
-        let size = 0.7_f64.powi(k);
         let corner = dvec3(1.0, 1.0, -1.0) * (1.0 - size);
         primitives.push(match k % 2 {
             0 => place.sphere(corner, 0.1 * size),
             _ => place.triangle(corner, corner + size * dice.point(), corner + size * dice.point()),
         });
+        size *= 0.7;
     }
     two_sided(primitives)
 }

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayset_bvh::{BoxHierarchy, Hit, Query};
 use rayset_geometry::glam::{DVec3, dvec3};
-use rayset_geometry::{BoundingBox, Cone, Primitive, Ray, Side, Sides, Span, Sphere, Triangle};
+use rayset_geometry::{BoundingBox, Cone, Primitive, Ray, Side, Span, Sphere, Triangle};
 use rayset_simd::Backend;
 use truth::{Dice, Primitives, bits, nearest};
 

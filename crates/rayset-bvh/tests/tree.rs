@@ -65,7 +65,7 @@ fn tree_is_the_same_for_any_number_of_threads() {
 
 #[test]
 fn depth_is_bounded_whatever_the_primitives_are() {
-    let halves = |k: u32| 0.5_f64.powi(i32::try_from(k).unwrap());
+    let halves = |k: i32| (0..k).fold(1.0, |size, _| 0.5 * size);
     let along = |axis: DVec3| (0..1000).map(move |k| Sphere::new(halves(k) * axis, halves(k + 2)));
     let sets: Vec<(&str, Vec<Sphere>)> = vec![
         ("sizes 2^-k along an axis", along(DVec3::X).collect()),

@@ -8,10 +8,10 @@ use rayset_geometry::glam::{DVec3, dvec3};
 use rayset_geometry::{Primitive, PrimitiveColumns, PrimitiveKind, Side, Sides, Span, unit};
 use rayset_simd::Backend;
 
-pub type Primitives = Vec<(Primitive, Sides)>;
+pub(crate) type Primitives = Vec<(Primitive, Sides)>;
 
 /// The least hit in the order `(t, primitive)`.
-pub fn nearest(primitives: &[(Primitive, Sides)], query: &Query) -> Option<Hit> {
+pub(crate) fn nearest(primitives: &[(Primitive, Sides)], query: &Query) -> Option<Hit> {
     let mut nearest: Option<Hit> = None;
     // A ray is a half-line.
     let span = match query.span {
@@ -29,11 +29,13 @@ pub fn nearest(primitives: &[(Primitive, Sides)], query: &Query) -> Option<Hit> 
     nearest
 }
 
-pub fn bits(hit: Option<Hit>) -> Option<(u64, u32)> {
+pub(crate) fn bits(hit: Option<Hit>) -> Option<(u64, u32)> {
     hit.map(|hit| (hit.t.to_bits(), hit.primitive))
 }
 
-pub fn columns_of(primitives: &[(Primitive, Sides)]) -> (PrimitiveColumns, Vec<(PrimitiveKind, u32, Sides)>) {
+pub(crate) fn columns_of(
+    primitives: &[(Primitive, Sides)],
+) -> (PrimitiveColumns, Vec<(PrimitiveKind, u32, Sides)>) {
     let mut columns = PrimitiveColumns::default();
     let items = primitives.iter().map(|(primitive, sides)| {
         let run = columns.push(primitive, *sides);
@@ -44,7 +46,7 @@ pub fn columns_of(primitives: &[(Primitive, Sides)]) -> (PrimitiveColumns, Vec<(
 }
 
 /// Compares the answers on every backend with those of the loop; returns how many rays hit.
-pub fn check(what: &str, primitives: &[(Primitive, Sides)], queries: &[Query]) -> usize {
+pub(crate) fn check(what: &str, primitives: &[(Primitive, Sides)], queries: &[Query]) -> usize {
     let (columns, items) = columns_of(primitives);
     let expected: Vec<_> = queries.iter().map(|query| nearest(primitives, query)).collect();
     for &backend in Backend::available() {
@@ -61,35 +63,35 @@ pub fn check(what: &str, primitives: &[(Primitive, Sides)], queries: &[Query]) -
     expected.iter().flatten().count()
 }
 
-pub struct Dice(pub ChaCha8Rng);
+pub(crate) struct Dice(pub(crate) ChaCha8Rng);
 
 impl Dice {
-    pub fn below(&mut self, n: usize) -> usize {
+    pub(crate) fn below(&mut self, n: usize) -> usize {
         self.0.next_u32() as usize % n
     }
-    pub fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         f64::from(self.0.next_u32()) / f64::from(u32::MAX)
     }
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
-    pub fn point(&mut self) -> DVec3 {
+    pub(crate) fn point(&mut self) -> DVec3 {
         let (x, y) = (self.between(-1.0, 1.0), self.between(-1.0, 1.0));
         dvec3(x, y, self.between(-1.0, 1.0))
     }
-    pub fn pick<T: Clone>(&mut self, values: &[T]) -> T {
+    pub(crate) fn pick<T: Clone>(&mut self, values: &[T]) -> T {
         values[self.below(values.len())].clone()
     }
-    pub fn axis(&mut self) -> DVec3 {
+    pub(crate) fn axis(&mut self) -> DVec3 {
         self.pick(&[DVec3::X, DVec3::Y, DVec3::Z]) * self.pick(&[-1.0, 1.0])
     }
-    pub fn direction(&mut self) -> DVec3 {
+    pub(crate) fn direction(&mut self) -> DVec3 {
         unit(self.point()).unwrap_or(DVec3::X)
     }
-    pub fn side(&mut self) -> Side {
+    pub(crate) fn side(&mut self) -> Side {
         self.pick(&[Side::Front, Side::Back])
     }
-    pub fn sides(&mut self) -> Sides {
+    pub(crate) fn sides(&mut self) -> Sides {
         self.pick(&[Sides::Both, Sides::Both, Sides::Front, Sides::Back])
     }
 }
