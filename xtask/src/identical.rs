@@ -10,10 +10,10 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use rayset_engine::{
-    Backend, Frame, Layer, Layers, PixelOrder, Plane, PlaneSamples, RenderOptions, StrategyKind, SweepLength,
-    render,
+    Backend, Frame, IntersectionStrategy, Layer, Layers, PixelOrder, Plane, PlaneSamples, RenderOptions,
+    StrategyKind, SweepLength, render,
 };
-use rayset_scene::{LoadOptions, SceneError, load_scene};
+use rayset_scene::{LoadOptions, Scene, SceneError, load_scene};
 use rayset_study::{NamedScene, cornell_box, cornell_spheres, knob, sphere_scene};
 use sha2::{Digest, Sha256};
 
@@ -77,9 +77,10 @@ pub(crate) fn run(options: &Options) -> Outcome {
     for scene in &scenes {
         bar.set_message(scene.name.clone());
         let size = size(scene, options.quick);
-        let expected = picture(scene, &combinations[0], size, &pools)?;
+        let strategies = Strategies::of(&scene.scene);
+        let expected = picture(&strategies, &combinations[0], size, &pools)?;
         combinations[1..].par_iter().try_for_each(|combination| {
-            let actual = picture(scene, combination, size, &pools)?;
+            let actual = picture(&strategies, combination, size, &pools)?;
             bar.inc(1);
             match difference(&expected, &actual) {
                 None => Ok(()),
@@ -162,8 +163,27 @@ fn combinations(quick: bool) -> Vec<Combination> {
     combinations
 }
 
+/// Every exact strategy on every backend, bound once to a scene.
+struct Strategies<'s> {
+    bound: Vec<(StrategyKind, Backend, Box<dyn IntersectionStrategy + 's>)>,
+}
+
+impl<'s> Strategies<'s> {
+    fn of(scene: &'s Scene) -> Self {
+        let exact = StrategyKind::ALL.iter().filter(|kind| kind.is_exact());
+        let pairs = exact.flat_map(|&kind| Backend::available().iter().map(move |&backend| (kind, backend)));
+        Self { bound: pairs.map(|(kind, backend)| (kind, backend, kind.bind_on(scene, backend))).collect() }
+    }
+
+    fn get(&self, combination: &Combination) -> &dyn IntersectionStrategy {
+        let wanted = (combination.kind, combination.backend);
+        let bound = self.bound.iter().find(|(kind, backend, _)| (*kind, *backend) == wanted);
+        bound.expect("combinations are of exact strategies and available backends").2.as_ref()
+    }
+}
+
 fn picture(
-    scene: &NamedScene,
+    strategies: &Strategies<'_>,
     combination: &Combination,
     (width, height): (u32, u32),
     pools: &[Arc<ThreadPool>; 2],
@@ -178,8 +198,8 @@ fn picture(
         layers: LAYERS.into_iter().collect::<Layers>(),
         ..RenderOptions::default()
     };
-    let strategy = combination.kind.bind_on(&scene.scene, combination.backend);
-    let frame = pools[combination.n_threads - 1].install(|| render(strategy.as_ref(), &options));
+    let strategy = strategies.get(combination);
+    let frame = pools[combination.n_threads - 1].install(|| render(strategy, &options));
     Ok(Picture::new(&frame.map_err(|error| error.to_string())?))
 }
 
@@ -247,7 +267,7 @@ mod tests {
     fn small() -> Picture {
         let scene = sphere_scene(2, 1).unwrap();
         let pools = [pool(1).unwrap(), pool(2).unwrap()];
-        picture(&scene, &combinations(true)[0], (9, 7), &pools).unwrap()
+        picture(&Strategies::of(&scene.scene), &combinations(true)[0], (9, 7), &pools).unwrap()
     }
 
     #[test]

@@ -47,7 +47,8 @@ enum Task {
     StandardScenes(standard_scenes::Options),
     /// Renders scenes with every exact strategy in every way there is: all pictures must be the same, bit by bit.
     Identical(identical::Options),
-    /// Checks the answers that `coherent` gives without a partition against brute force, on scenes made to break it.
+    /// Checks the answers of every exact strategy on every backend against brute force, and above all those that
+    /// `coherent` gives without a partition, on scenes made to break them.
     Prove(prove::Options),
     /// Runs studies of many experiments: which reading gives Table 1, the plane of n and resolution, the cost model.
     Study(study::Options),

@@ -26,7 +26,11 @@ const LAYERS: &[(&str, &[&str], &[&str])] = &[
         &["rayset", "rayset-engine", "rayset-geometry", "rayset-image", "rayset-scene", "rayset-simd"],
         &["base64", "csv", "maud", "plotters", "serde", "serde_json", "thiserror"],
     ),
-    ("rayset", &["rayset-engine", "rayset-geometry", "rayset-image", "rayset-scene", "rayset-simd"], &[]),
+    (
+        "rayset",
+        &["rayset-bvh", "rayset-engine", "rayset-geometry", "rayset-image", "rayset-scene", "rayset-simd"],
+        &[],
+    ),
     ("rayset-cli", &["rayset"], &["clap", "ctrlc", "indicatif", "rayon", "serde", "serde_json", "sha2"]),
     (
         "xtask",

@@ -9,7 +9,7 @@ use rayset_geometry::{Departure, Ray, Side, Span};
 use rayset_simd::{Lanes, Simd};
 
 use crate::frame::Frame;
-use crate::hierarchy::{Hierarchy, Scratch, Wide, Width};
+use crate::hierarchy::{Hierarchy, Scratch, Wide, Width, ahead};
 use crate::node::Child;
 use crate::packet::{Packet, RayColumns};
 use crate::shapes::Hit;
@@ -158,7 +158,7 @@ impl RayColumns<'_> {
     fn ray(&self, i: usize) -> (Ray, Span) {
         let at = |columns: &[&[f64]; 3]| DVec3::new(columns[0][i], columns[1][i], columns[2][i]);
         let span = Span { start: self.spans.0[i], end: self.spans.1[i] };
-        (Ray::new(at(&self.origins), at(&self.directions)), span)
+        (Ray::new(at(&self.origins), at(&self.directions)), ahead(span))
     }
 }
 

@@ -7,6 +7,7 @@ use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, R
 use rayset_simd::{Backend, Kernel, Lanes, Simd};
 
 use crate::build::{Reference, build};
+use crate::duplicates::superfluous;
 use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::CullRay;
@@ -43,7 +44,7 @@ impl Hierarchy {
     ///
     /// # Panics
     ///
-    /// If there are 2^31 primitives or more.
+    /// If there are 2^31 primitives or more, or one reaches farther than `f64`.
     #[must_use]
     pub fn new<'p>(primitives: impl IntoIterator<Item = (&'p Primitive, Sides)>) -> Self {
         let mut columns = PrimitiveColumns::default();
@@ -60,7 +61,7 @@ impl Hierarchy {
     ///
     /// # Panics
     ///
-    /// If an index is not in the columns, or there are 2^31 primitives or more.
+    /// If an index is not in the columns, there are 2^31 primitives or more, or one reaches farther than `f64`.
     #[must_use]
     pub fn over(columns: &PrimitiveColumns, items: &[(PrimitiveKind, u32, Sides)], backend: Backend) -> Self {
         assert!(items.len() < 1 << 31, "fewer than 2^31 primitives");
@@ -68,6 +69,9 @@ impl Hierarchy {
             .par_iter()
             .with_min_len(1024)
             .map(|&(kind, index, _)| columns.bounding_box(kind, index))
+            .inspect(|bounds| {
+                assert!(bounds.min.is_finite() && bounds.max.is_finite(), "{bounds:?} is not finite");
+            })
             .reduce(|| BoundingBox::EMPTY, BoundingBox::union);
         let frame = Frame::of(&bounds);
         let width = if backend == Backend::Avx512 && backend.is_available() {
@@ -94,7 +98,7 @@ impl Hierarchy {
         Scratch { stack, steps: Steps::default(), primitive_tests: 0 }
     }
 
-    /// The least hit of a ray in the order `(t, primitive)`.
+    /// The least hit of a ray in the order `(t, primitive)`; nothing behind the origin, even if the span begins there.
     #[must_use]
     pub fn nearest(&self, ray: &Ray, span: Span) -> Option<Hit> {
         self.backend.run(NearestOf { hierarchy: self, ray, span, scratch: &mut self.scratch() })
@@ -121,6 +125,7 @@ impl Hierarchy {
         from: Option<(u32, Side)>,
         scratch: &mut Scratch,
     ) -> Option<Hit> {
+        let span = ahead(span);
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
                 wide.nearest(simd, &self.frame, ray, span, from, None, scratch)
@@ -146,6 +151,7 @@ impl Hierarchy {
         from: Option<(u32, Side)>,
         scratch: &mut Scratch,
     ) -> bool {
+        let span = ahead(span);
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
                 wide.occluded(simd, &self.frame, ray, span, from, scratch)
@@ -157,6 +163,15 @@ impl Hierarchy {
         }
     }
 
+    /// The longest way from the root to a leaf, in nodes: at most 71, whatever the primitives are.
+    #[must_use]
+    pub fn depth(&self) -> usize {
+        match &self.width {
+            Width::Eight(wide) => wide.tree.depth,
+            Width::Sixteen(wide) => wide.tree.depth,
+        }
+    }
+
     /// How many bytes nodes and primitives take.
     #[must_use]
     pub fn bytes(&self) -> usize {
@@ -165,6 +180,24 @@ impl Hierarchy {
             Width::Sixteen(wide) => wide.bytes(),
         }
     }
+}
+
+/// What of a span lies ahead of the origin: a ray is a half-line.
+#[inline(always)]
+pub(crate) fn ahead(span: Span) -> Span {
+    if span.start < 0.0 { Span { start: 0.0, ..span } } else { span }
+}
+
+/// Leaves primitives out: those that can be no answer.
+fn drop_superfluous(references: &mut Vec<Reference>, numbers: &[u32]) {
+    if numbers.is_empty() {
+        return;
+    }
+    let mut is_kept = vec![true; references.len()];
+    for &number in numbers {
+        is_kept[number as usize] = false;
+    }
+    references.retain(|reference| is_kept[reference.primitive() as usize]);
 }
 
 /// A tree and its primitives.
@@ -185,6 +218,7 @@ impl<const W: usize> Wide<W> {
                 Reference::new(&bounds, u32::try_from(primitive).expect("checked before"))
             })
             .collect();
+        drop_superfluous(&mut references, &superfluous(columns, items));
         let heavy = items.iter().filter(|item| item.0 == PrimitiveKind::Polygon).count();
         let cones = items.iter().filter(|item| item.0 == PrimitiveKind::Cone).count();
         // What is not tested in blocks is better told apart by boxes.

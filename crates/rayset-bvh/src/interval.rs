@@ -10,7 +10,7 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 use crate::packet::Planes;
 use crate::ray::CullRay;
 
-/// How far the perpendicular from a sphere's centre may be off, in units of [`LeafRay::unit`].
+/// How far the perpendicular from a sphere's centre may be off, in units of the rounding of a coordinate.
 pub const SPHERE_MARGIN: f32 = 34.0;
 /// How far a distance to a sphere may be off, apart from its half chord.
 const SPHERE_DISTANCE_MARGIN: f32 = 20.0;

@@ -16,8 +16,11 @@
 //! assert_eq!((hit.t, hit.primitive), (4.0, 0));
 //! ```
 
+mod batch;
+mod boxes;
 mod build;
 mod bundle;
+mod duplicates;
 mod frame;
 mod hierarchy;
 mod interval;
@@ -28,6 +31,8 @@ mod shapes;
 mod together;
 mod traverse;
 
+pub use batch::Query;
+pub use boxes::BoxHierarchy;
 pub use bundle::{BundleScratch, Bundled};
 pub use hierarchy::{Hierarchy, Scratch};
 pub use interval::{SPHERE_MARGIN, VERTEX_MARGIN};

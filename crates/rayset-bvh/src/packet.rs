@@ -163,7 +163,8 @@ impl<S: Simd> Packet<S> {
             starts[lane] = (rays.spans.0[numbers[lane]] * frame.scale) as f32;
             ends[lane] = (rays.spans.1[numbers[lane]] * frame.scale) as f32;
         }
-        let (starts, ends) = (simd.load_f32(&starts), simd.load_f32(&ends).min(simd.splat_f32(1e30)));
+        let (starts, ends) =
+            (simd.load_f32(&starts).max(zero), simd.load_f32(&ends).min(simd.splat_f32(1e30)));
         let rounding = simd.splat_f32(1.0 / 4_194_304.0);
         let slack = simd.splat_f32(unit);
         let (start_slack, end_slack) = (starts.abs() * rounding + slack, ends.abs() * rounding + slack);

@@ -140,7 +140,9 @@ impl<const W: usize> Shapes<W> {
         {
             return Self::arrange_alike(frame, source, items, references, leaves);
         }
-        let mut shapes = Self { places: vec![(PrimitiveKind::Sphere, 0); items.len()], ..Self::default() };
+        // What is in no leaf has a place that is nobody's.
+        let nowhere = (PrimitiveKind::Sphere, u32::MAX);
+        let mut shapes = Self { places: vec![nowhere; items.len()], ..Self::default() };
         let mut members = Vec::new();
         let mut leaf_runs = Vec::with_capacity(leaves.len());
         for leaf in leaves {
@@ -219,7 +221,8 @@ impl<const W: usize> Shapes<W> {
             shapes.triangle_blocks = leaves.par_iter().with_min_len(64).map(block).collect();
         }
         let numbers = references.par_iter().with_min_len(1024).map(Reference::primitive).collect();
-        shapes.places = vec![(kind, 0); items.len()];
+        // What is in no leaf has a place that is nobody's.
+        shapes.places = vec![(kind, u32::MAX); items.len()];
         for (place, reference) in references.iter().enumerate() {
             shapes.places[reference.primitive() as usize].1 = index_of(place);
         }

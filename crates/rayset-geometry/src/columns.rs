@@ -178,6 +178,27 @@ impl PrimitiveColumns {
         Triangle::new(vertex(0), vertex(1), vertex(2))
     }
 
+    /// The bits of the numbers that a primitive is tested by.
+    ///
+    /// Of primitives of one kind with the same bits, every test gives the same answer.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    pub fn bits(&self, kind: PrimitiveKind, index: u32) -> impl Iterator<Item = u64> {
+        let i = index as usize;
+        let (columns, range): (&[Vec<f64>], _) = match kind {
+            PrimitiveKind::Sphere => (&self.spheres, i..i + 1),
+            PrimitiveKind::Triangle => (&self.triangles, i..i + 1),
+            PrimitiveKind::Cone => (&self.cones, i..i + 1),
+            PrimitiveKind::Polygon => {
+                let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize;
+                (&self.polygon_vertices, vertices)
+            }
+        };
+        columns.iter().flat_map(move |column| column[range.clone()].iter().map(|value| value.to_bits()))
+    }
+
     /// Appends a primitive of other columns; returns the run of it alone.
     ///
     /// # Panics

@@ -86,7 +86,8 @@ impl Triangle {
 /// before `t` is interpolated between the edges. Derived in `docs/numerics.md`.
 const STEADY: f64 = 8.0;
 
-/// Below this, the edge functions' products may have lost digits to underflow; in world units squared.
+/// Below this, the edge functions' products may have lost digits to underflow, and so may those with depths; in world
+/// units squared, and cubed.
 const LEAST_DETERMINANT: f64 = 1e-280;
 
 /// Where a ray meets triangles, a lane each: the lanes that are hit, and `t`.
@@ -152,9 +153,10 @@ pub(crate) fn intersect<S: Simd>(
     let [u_size, v_size, w_size] = map3(products, |(left, right)| left.abs().max(right.abs()));
     let depth_range = az.max(bz).max(cz) - az.min(bz).min(cz);
     let depth_size = az.abs().max(bz.abs()).max(cz.abs());
-    let steady = ((u_size + v_size + w_size) * depth_range)
-        .lt(simd.splat_f64(STEADY) * determinant.abs() * depth_size)
-        & determinant.abs().gt(simd.splat_f64(LEAST_DETERMINANT));
+    // Of a triangle that is small for its distance, the products with depths may underflow before the weights do.
+    let numerator_size = determinant.abs() * depth_size;
+    let steady = ((u_size + v_size + w_size) * depth_range).lt(simd.splat_f64(STEADY) * numerator_size)
+        & determinant.abs().min(numerator_size).gt(simd.splat_f64(LEAST_DETERMINANT));
     let unsteady = visible & !steady;
     if !unsteady.any() {
         return (visible & probe.in_span(t), t);
@@ -290,6 +292,18 @@ mod tests {
         };
         for scale in [1e-100, 1e-150, 1e-155, 1e-158, 1e-161, 1e-200] {
             assert!((t(scale) - t(1.0)).abs() < 1e-14, "{scale}: {} against {}", t(scale), t(1.0));
+        }
+    }
+
+    #[test]
+    fn underflowing_numerators_cost_no_digits() {
+        let corners = [dvec3(-1.0, -2.0, 0.0), dvec3(4.0, -1.0, 0.0), dvec3(-1.5, 3.0, 0.0)];
+        for (size, distance) in [(1e-111, 1e-100), (1e-115, 1e-95), (1e-120, 1e-83), (1e-139, 1e-44)] {
+            let [a, b, c] = corners.map(|corner| size * corner + distance * DVec3::Z);
+            let primitive = Primitive::from(Triangle::new(a, b, c));
+            let ray = Ray::new(DVec3::ZERO, DVec3::Z);
+            let t = primitive.intersect(&ray, Span::FORWARD, Sides::Both, None).unwrap();
+            assert!((t / distance - 1.0).abs() < 1e-14, "{size:e} at {distance:e}: {t:e}");
         }
     }
 

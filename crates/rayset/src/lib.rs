@@ -3,6 +3,7 @@
 //! This crate re-exports the libraries of the workspace under one name:
 //!
 //! - [`geometry`]: rays, primitives, safety cylinders and the partition of space by a ray;
+//! - [`bvh`]: the hierarchy by itself, over primitives or over boxes and a closure;
 //! - [`scene`]: objects, materials, lights, cameras, random spheres and OBJ files;
 //! - [`engine`]: intersection trees, shading and the strategies;
 //! - [`image`]: float EXR, PNG, comparison and summaries;
@@ -25,6 +26,7 @@
 mod frames;
 
 pub use frames::{ChannelNames, image_of};
+pub use rayset_bvh as bvh;
 pub use rayset_engine as engine;
 pub use rayset_geometry as geometry;
 pub use rayset_geometry::glam;

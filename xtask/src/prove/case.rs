@@ -7,6 +7,7 @@ use rayset_engine::{
     Backend, Coherent, EyeRays, PixelOrder, RenderError, RenderOptions, SweepLength, render_observed,
 };
 
+use super::compared::{Compared, Pair, pairs};
 use super::dice::Dice;
 use super::directed::{Brush, strew};
 use super::families::Family;
@@ -14,7 +15,7 @@ use super::specimen::Specimen;
 use super::watch::{Findings, Watched};
 
 /// How many scenes, or sweeps, make a case of rays that are no image.
-const N_DIRECTED: u32 = 2000;
+const N_DIRECTED: usize = 2000;
 
 /// A strategy, changed: a mutation.
 pub(crate) type Change<'a> = &'a (dyn for<'s> Fn(Coherent<'s>) -> Coherent<'s> + Sync);
@@ -87,6 +88,7 @@ impl Case<'_> {
             Err(error) => return Err(error.into()),
         }
         let mut findings = watched.findings();
+        self.compare(&pairs(), specimen, &mut findings, |compared| compared.render(&options))?;
         if let Some(violation) = &mut findings.first {
             let scene = &specimen.scene;
             let (n_primitives, n_volumes) = (scene.n_primitives(), scene.volumes().len());
@@ -101,13 +103,19 @@ impl Case<'_> {
     }
 
     fn brush(&self, dice: &mut Dice) -> Result<Findings, Box<dyn Error + Send + Sync>> {
-        let mut all = Findings::default();
-        for _ in 0..N_DIRECTED {
+        let (mut all, pairs) = (Findings::default(), pairs());
+        for i in 0..N_DIRECTED {
             let brush = Brush::new(dice)?;
             let strategy = Coherent::on(&brush.specimen.scene, dice.pick(Backend::available())).unlimited();
             let watched = Watched::new((self.change)(strategy), &brush.specimen);
             brush.ask(&watched);
-            if self.add(&mut all, watched.findings(), &brush.specimen) {
+            let mut findings = watched.findings();
+            // The strategies take turns.
+            self.compare(&[pairs[i % pairs.len()]], &brush.specimen, &mut findings, |compared| {
+                brush.ask(compared);
+                Ok(())
+            })?;
+            if self.add(&mut all, findings, &brush.specimen) {
                 break;
             }
         }
@@ -115,18 +123,47 @@ impl Case<'_> {
     }
 
     fn strew(&self, dice: &mut Dice) -> Result<Findings, Box<dyn Error + Send + Sync>> {
-        let mut all = Findings::default();
+        let (mut all, pairs) = (Findings::default(), pairs());
         let family = dice.pick(&[Family::Spheres, Family::Touching, Family::Lattice, Family::Kinds]);
         let specimen = family.specimen(dice)?;
-        for _ in 0..N_DIRECTED {
+        for i in 0..N_DIRECTED {
             let strategy = Coherent::on(&specimen.scene, dice.pick(Backend::available())).unlimited();
             let watched = Watched::new((self.change)(strategy), &specimen);
+            let mut same = dice.clone();
             strew(&watched, &specimen, dice);
-            if self.add(&mut all, watched.findings(), &specimen) {
+            let mut findings = watched.findings();
+            self.compare(&[pairs[i % pairs.len()]], &specimen, &mut findings, |compared| {
+                strew(compared, &specimen, &mut same);
+                Ok(())
+            })?;
+            if self.add(&mut all, findings, &specimen) {
                 break;
             }
         }
         Ok(all)
+    }
+
+    /// Asks strategies on backends, and compares what they answer; not where one of them was changed.
+    fn compare(
+        &self,
+        pairs: &[Pair],
+        specimen: &Specimen,
+        findings: &mut Findings,
+        mut ask: impl FnMut(&Compared<'_>) -> Result<(), Box<dyn Error + Send + Sync>>,
+    ) -> Result<(), Box<dyn Error + Send + Sync>> {
+        if self.to_first {
+            return Ok(());
+        }
+        for &pair in pairs {
+            if (self.is_stopped)() {
+                break;
+            }
+            let compared = Compared::new(pair, specimen);
+            ask(&compared)?;
+            let violation = compared.finish(&mut findings.comparisons);
+            findings.first = findings.first.take().or(violation);
+        }
+        Ok(())
     }
 
     /// Adds what one sweep of rays gave; says whether to stop.

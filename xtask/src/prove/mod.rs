@@ -1,6 +1,8 @@
-//! `cargo xtask prove`: every answer that `coherent` gives without a partition against brute force.
+//! `cargo xtask prove`: every answer that `coherent` gives without a partition against brute force, and the answers of
+//! every exact strategy on every backend.
 
 mod case;
+mod compared;
 mod dice;
 mod directed;
 mod families;
@@ -19,6 +21,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rayon::prelude::*;
 
 use self::case::Case;
+use self::compared::Comparisons;
 use self::families::Family;
 use self::table::Table;
 use self::watch::{Findings, Violation};
@@ -83,7 +86,7 @@ pub(crate) fn run(options: &Options) -> Outcome {
     let style = "{wide_bar} {human_pos} of {human_len} acceptances, {per_sec}, {eta} left";
     bar.set_style(ProgressStyle::with_template(style).expect("a valid template"));
     let start = Instant::now();
-    let (mut table, mut first): (Table, Option<Violation>) = Default::default();
+    let (mut table, mut comparisons, mut first): (Table, Comparisons, Option<Violation>) = Default::default();
     let mut numbers = options.case.map_or(0..ROUND, |case| case..case + 1);
     loop {
         let cases = numbers.clone().into_par_iter().map(|number| {
@@ -99,8 +102,10 @@ pub(crate) fn run(options: &Options) -> Outcome {
             Ok((case.family(), findings))
         });
         let found: Result<Vec<_>, Box<dyn std::error::Error + Send + Sync>> = cases.collect();
-        for (family, Findings { tallies, first: violation }) in found.map_err(|error| error.to_string())? {
+        for (family, findings) in found.map_err(|error| error.to_string())? {
+            let Findings { tallies, comparisons: compared, first: violation } = findings;
             table.add(family, &tallies);
+            comparisons.absorb(&compared);
             first = first.or(violation);
         }
         let is_done = table.total().checked >= n_wanted || options.case.is_some();
@@ -111,7 +116,7 @@ pub(crate) fn run(options: &Options) -> Outcome {
     }
     bar.finish_and_clear();
     let (total, seconds) = (table.total(), start.elapsed().as_secs_f64());
-    println!("{table}");
+    println!("{table}\n{comparisons}");
     #[expect(clippy::cast_precision_loss, reason = "counts are far below 2^53")]
     let rate = total.checked as f64 / seconds / 1e6;
     println!(
@@ -120,7 +125,7 @@ pub(crate) fn run(options: &Options) -> Outcome {
     );
     if let Some(violation) = first {
         println!("\nThe first violation:\n{}", violation.message);
-        return Err(format!("{} violations", total.violations).into());
+        return Err(format!("{} violations", total.violations + comparisons.violations()).into());
     }
     if is_interrupted() {
         println!("interrupted");

@@ -10,10 +10,11 @@ use rayset_engine::{
 };
 use rayset_scene::Scene;
 
+use super::compared::Comparisons;
 use super::specimen::Specimen;
 
 /// Primitives that one look at brute force may cost on average: in larger scenes only a share of answers is checked.
-const PRIMITIVES_A_CHECK: u64 = 128;
+pub(super) const PRIMITIVES_A_CHECK: u64 = 128;
 
 /// One answer out of so many that took a partition is checked too.
 const PARTITIONED: u64 = 16;
@@ -55,6 +56,8 @@ pub(crate) struct Violation {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Findings {
     pub(crate) tallies: ByKind<Tally>,
+    /// What the strategies answered, all of them.
+    pub(crate) comparisons: Comparisons,
     pub(crate) first: Option<Violation>,
 }
 
@@ -62,6 +65,7 @@ impl Findings {
     /// Adds what was found elsewhere; the first violation is that of the least ray-set.
     pub(crate) fn absorb(&mut self, other: Self) {
         self.tallies += other.tallies;
+        self.comparisons.absorb(&other.comparisons);
         let is_first =
             |violation: &Violation| self.first.as_ref().is_none_or(|first| violation.ray_set < first.ray_set);
         if let Some(violation) = other.first
