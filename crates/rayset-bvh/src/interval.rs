@@ -103,8 +103,8 @@ impl<const W: usize> SphereBlock<W> {
 
     #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
     pub(crate) fn set(&mut self, lane: usize, center: [f64; 3], radius: f64) {
-        for k in 0..3 {
-            self.center[k][lane] = center[k] as f32;
+        for (column, coordinate) in self.center.iter_mut().zip(center) {
+            column[lane] = coordinate as f32;
         }
         self.radius[lane] = radius as f32;
     }
@@ -164,10 +164,8 @@ impl<const W: usize> TriangleBlock<W> {
 
     #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
     pub(crate) fn set(&mut self, lane: usize, vertices: [[f64; 3]; 3]) {
-        for (v, vertex) in vertices.iter().enumerate() {
-            for k in 0..3 {
-                self.vertices[3 * v + k][lane] = vertex[k] as f32;
-            }
+        for (column, coordinate) in self.vertices.iter_mut().zip(vertices.as_flattened()) {
+            column[lane] = *coordinate as f32;
         }
     }
 

@@ -25,9 +25,12 @@ fn brute_force(
     nearest
 }
 
+/// A ray, where hits count, and the primitive it leaves with the side.
+type Query = (Ray, Span, Option<(u32, Side)>);
+
 struct Answers<'a> {
     hierarchy: &'a Hierarchy,
-    rays: &'a [(Ray, Span, Option<(u32, Side)>)],
+    rays: &'a [Query],
 }
 
 impl Kernel for Answers<'_> {
@@ -44,7 +47,7 @@ impl Kernel for Answers<'_> {
     }
 }
 
-fn check(primitives: &[(Primitive, Sides)], rays: &[(Ray, Span, Option<(u32, Side)>)]) {
+fn check(primitives: &[(Primitive, Sides)], rays: &[Query]) {
     let mut columns = rayset_geometry::PrimitiveColumns::default();
     let items: Vec<_> = primitives
         .iter()

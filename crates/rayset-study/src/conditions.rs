@@ -189,6 +189,6 @@ mod tests {
         let pair = conditions.pair(4, 2).unwrap();
         assert_eq!(pair, conditions.pair(4, 2).unwrap());
         assert_eq!((pair.pixels, pair.speer.cast[0]), (48 * 48, 48 * 48));
-        assert!(pair.speer.coherent[0] > 0 && pair.standard.cylinders == 0);
+        assert!(pair.speer.coherent[0] > 0 && pair.standard.work.cylinders_built == 0);
     }
 }

@@ -161,6 +161,7 @@ mod tests {
             cylinders_built: 5,
             radius_comparisons: 0,
             cells_visited: 0,
+            boxes_tested: 0,
         };
         let counts = Counts { cast: [1, 2, 3, 4], work, ..Counts::default() };
         let kinds = r#""hit":[0,0,0,0],"guided":[0,0,0,0],"missed":[0,0,0,0],"pierced":[0,0,0,0]"#;

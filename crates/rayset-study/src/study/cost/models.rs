@@ -58,10 +58,11 @@ struct Point<'j> {
 }
 
 /// Our features, with the unit of their coefficients.
-pub(super) const FEATURES: [&str; 8] = [
-    "initial ray",
-    "reflected or refracted ray",
+pub(super) const FEATURES: [&str; 9] = [
+    "initial, reflected or refracted ray",
     "light ray",
+    "ray served by what is retained",
+    "partition",
     "volume classified",
     "primitive test",
     "pierce check",
@@ -72,9 +73,10 @@ pub(super) const FEATURES: [&str; 8] = [
 fn features(counts: &Counts) -> Vec<f64> {
     let [initial, reflected, refracted, shadow] = counts.cast;
     [
-        initial,
-        reflected + refracted,
+        initial + reflected + refracted,
         shadow,
+        counts.coherent.iter().sum(),
+        counts.work.partitions,
         counts.work.volumes_classified,
         counts.work.primitive_tests,
         counts.work.pierce_checks,

@@ -74,6 +74,8 @@ fn table(
             text += &match () {
                 () if values.is_empty() => " |".to_owned(),
                 () if name == COHERENCE.0 => format!(" {median:.1} |"),
+                // Two digits of what other methods leave over.
+                () if median < 0.1 => format!(" {median:.3} |"),
                 () => format!(" {median:.2} |"),
             };
         }
