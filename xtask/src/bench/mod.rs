@@ -13,6 +13,7 @@ use crate::Outcome;
   cargo xtask bench --quick
   cargo xtask bench --scene spheres-16k --scene knob --only hierarchical --only cellular
   cargo xtask bench --scene model.obj --view crop --threads 2
+  cargo xtask bench --peers --quick
   cargo xtask bench coherence
 
 Every strategy answers the same rays, recorded once a scene, in turns, list by list; answers are compared bit by bit.

@@ -33,6 +33,9 @@ pub(crate) struct Options {
     /// A folder with further meshes, each in a folder of its own: teapot/teapot.obj, lost_empire/lost_empire.obj.
     #[arg(long, value_name = "FOLDER")]
     meshes: Option<PathBuf>,
+    /// Adds other libraries on the same rays: Embree 3, if it is installed, obvhs and parry3d.
+    #[arg(long)]
+    peers: bool,
     /// The folder for tables, figures as JSON, and plot.
     #[arg(long, value_name = "FOLDER", default_value_os_t = project::root().join("target/bench"))]
     out: PathBuf,
@@ -48,12 +51,11 @@ pub(crate) fn run(options: &Options) -> Outcome {
     write_file(&probe, b"")?;
     fs::remove_file(&probe)?;
     let start = Instant::now();
-    let bench = measure(&plan)?;
-    let tables = bench.to_markdown();
-    println!("{tables}");
-    write_file(&options.out.join("strategies.json"), &serde_json::to_vec_pretty(&bench)?)?;
-    write_file(&options.out.join("strategies.md"), tables.as_bytes())?;
-    write_file(&options.out.join("strategies.svg"), bench.svg()?.as_bytes())?;
+    if options.peers {
+        peers(options, &plan)?;
+    } else {
+        println!("{}", measure(&plan)?.write(&options.out, "strategies")?);
+    }
     println!("Written to {} in {:.0} s.", options.out.display(), start.elapsed().as_secs_f64());
     Ok(())
 }
@@ -92,6 +94,23 @@ fn chosen(wanted: &str, scenes: &[BenchScene]) -> Result<BenchScene, String> {
     }
     let names: Vec<_> = scenes.iter().map(BenchScene::name).collect();
     Err(format!("`{wanted}` is neither a file nor one of the scenes {}", names.join(", ")))
+}
+
+/// Builds the crate that holds the other libraries, which is not of the workspace, and has it measure.
+fn peers(options: &Options, plan: &BenchPlan) -> Outcome {
+    let manifest = project::root().join("xtask/peers/Cargo.toml").to_string_lossy().into_owned();
+    let target = project::root().join("target");
+    let mut build = project::cargo(&["build", "--release", "--manifest-path", &manifest]);
+    project::run(build.env("CARGO_TARGET_DIR", &target)).map_err(|error| {
+        format!("{error}; Embree 3 is needed, on Debian and its kin the package libembree-dev")
+    })?;
+    let mut command = std::process::Command::new(target.join("release/rayset-peers"));
+    command.arg(serde_json::to_string(plan)?).arg(&options.out);
+    // What building takes has nothing to do with scenes that are chosen.
+    if options.scene.is_empty() {
+        command.arg("building");
+    }
+    project::run(&mut command)
 }
 
 /// Measures with a progress bar on a terminal.

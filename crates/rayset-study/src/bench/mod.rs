@@ -15,12 +15,12 @@ pub use contender::{Contender, Disagreements, Worker, strategies};
 pub use record::{Pass, RecordedPass, RecordedSweep, Recording};
 pub use scenes::{BenchScene, View};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::Spread;
 
 /// What is to be measured.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct BenchPlan {
     /// The scenes, in the order of the run.
     pub scenes: Vec<BenchScene>,

@@ -2,10 +2,28 @@
 
 use std::fmt::Write as _;
 
+use std::path::Path;
+
 use super::{Bench, BenchRow, ContenderRow};
-use crate::Spread;
+use crate::{Spread, StudyError, write_file};
 
 impl Bench {
+    /// Writes tables, figures as JSON and plot to a folder, under a name; gives the tables.
+    ///
+    /// # Errors
+    ///
+    /// [`StudyError::Write`] if a file cannot be written, [`StudyError::Draw`] if the plot cannot be drawn.
+    pub fn write(&self, folder: &Path, name: &str) -> Result<String, StudyError> {
+        let path = |ending: &str| folder.join(format!("{name}.{ending}"));
+        let json = serde_json::to_vec_pretty(self)
+            .map_err(|source| StudyError::Write { path: path("json"), source: source.into() })?;
+        write_file(&path("json"), &json)?;
+        write_file(&path("svg"), self.svg()?.as_bytes())?;
+        let tables = self.to_markdown();
+        write_file(&path("md"), tables.as_bytes())?;
+        Ok(tables)
+    }
+
     /// The tables in Markdown: an overview, comparisons with other libraries if there are any, then every list.
     #[must_use]
     pub fn to_markdown(&self) -> String {

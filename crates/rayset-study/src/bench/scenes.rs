@@ -7,16 +7,18 @@ use rayset_scene::{
     Color, Light, LoadOptions, Material, RandomSpheres, Scene, SceneBuilder, SphereSize, load_obj, load_scene,
 };
 
+use serde::{Deserialize, Serialize};
+
 use crate::{StudyError, knob};
 
 /// A scene of the bench.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BenchScene {
     name: String,
     source: Source,
 }
 
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Source {
     Spheres(u32),
     /// The fixtures that hold it.
@@ -152,7 +154,7 @@ fn glass(path: &Path) -> Result<Scene, StudyError> {
 }
 
 /// A square of pixels in the middle of a square image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct View {
     /// The side of the image, in pixels.
     pub image: u32,
