@@ -2,6 +2,7 @@
 //!
 //! [`BenchScene`] says what is traced, [`Recording`] holds the rays of a Whitted tree of depth 3, generation by
 //! generation, and every [`Contender`] answers them. [`Bench::run`] lets the contenders take turns, list by list.
+//! Times are those of the processor, of the calls alone.
 
 mod contender;
 mod plot;

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use std::path::Path;
 
-use super::{Bench, BenchRow, ContenderRow};
+use super::{Bench, BenchRow, ContenderRow, Disagreements};
 use crate::{Spread, StudyError, write_file};
 
 impl Bench {
@@ -32,7 +32,8 @@ impl Bench {
         let _ = writeln!(
             text,
             "{processor}, {cores} cores; threads used: {threads}; lanes: {backend}. \
-             Medians of {repetitions} runs in which all took turns list by list, after one to warm up; \
+             Processor time of the calls alone; \
+             medians of {repetitions} runs in which all took turns list by list, after one to warm up; \
              `±` is half the distance of the quartiles, in percent.\n\n\
              Rays are those of Whitted trees of depth 3, in tiles of 16 x 16 pixels, recorded once; \
              the number after a kind is the depth. \
@@ -109,17 +110,32 @@ fn write_row(text: &mut String, row: &BenchRow) {
         let skipped: Vec<_> = skipped.iter().map(|(name, reason)| format!("`{name}` ({reason})")).collect();
         let _ = writeln!(text, "Skipped: {}.\n", skipped.join(", "));
     }
-    for contender in contenders.iter().filter(|contender| contender.disagreements.total() > 0) {
-        let found = &contender.disagreements;
+    write_disagreements(text, contenders);
+}
+
+/// Where answers differ from ours; contenders that differ in the same way share a line.
+fn write_disagreements(text: &mut String, contenders: &[ContenderRow]) {
+    let mut groups: Vec<(&Disagreements, Vec<String>)> = Vec::new();
+    for ContenderRow { name, disagreements, .. } in
+        contenders.iter().filter(|row| row.disagreements.total() > 0)
+    {
+        let name = format!("`{name}`");
+        match groups.iter_mut().find(|(first, _)| first.reasons == disagreements.reasons) {
+            Some((_, names)) => names.push(name),
+            None => groups.push((disagreements, vec![name])),
+        }
+    }
+    for (found, names) in &groups {
         let reasons: Vec<_> =
             found.reasons.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
-        let (name, total, compared) = (&contender.name, found.total(), found.compared);
-        let _ = writeln!(text, "- `{name}` disagrees on {total} of {compared} rays: {}.", reasons.join("; "));
+        let (total, compared) = (found.total(), found.compared);
+        let (names, reasons) = (names.join(", "), reasons.join("; "));
+        let _ = writeln!(text, "- Of {compared} rays, {total} are answered otherwise by {names}: {reasons}.");
         for sample in &found.samples {
             let _ = writeln!(text, "  - {sample}");
         }
     }
-    if contenders.iter().any(|contender| contender.disagreements.total() > 0) {
+    if !groups.is_empty() {
         text.push('\n');
     }
 }
