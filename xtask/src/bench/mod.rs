@@ -17,6 +17,7 @@ use crate::Outcome;
   cargo xtask bench coherence
 
 Every strategy answers the same rays, recorded once a scene, in turns, list by list; answers are compared bit by bit.
+Times are those of the processor, of the calls alone. A strategy that needs thousands of tests a ray is skipped.
 Tables, figures as JSON, and a plot are written. The machine should have nothing else to do."
 )]
 pub(crate) struct Options {

@@ -30,7 +30,7 @@ pub(crate) struct Options {
     /// How often each list of rays is answered by each.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     repetitions: Option<u16>,
-    /// A folder with further meshes, each in a folder of its own: teapot/teapot.obj, lost_empire/lost_empire.obj.
+    /// A folder with further meshes, each in a folder of its own: `teapot/teapot.obj`, `lost_empire/lost_empire.obj`.
     #[arg(long, value_name = "FOLDER")]
     meshes: Option<PathBuf>,
     /// Adds other libraries on the same rays: Embree 3, if it is installed, obvhs and parry3d.

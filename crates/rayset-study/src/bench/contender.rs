@@ -152,19 +152,26 @@ impl Contender for Ours<'_> {
 
     fn worker(&self) -> Box<dyn Worker + '_> {
         let strategy = self.strategy.as_ref();
-        Box::new(Answering { strategy, hits: Vec::new(), blocked: Vec::new() })
+        Box::new(Answering {
+            strategy,
+            sweep: RecordedSweep::Shadow(Vec::new()),
+            hits: Vec::new(),
+            blocked: Vec::new(),
+        })
     }
 }
 
-/// A thread's buffers: the answers of each bundle.
+/// A thread's buffers: the rays, near at hand as they are where they were just made, and the answers of each bundle.
 struct Answering<'s> {
     strategy: &'s dyn IntersectionStrategy,
+    sweep: RecordedSweep,
     hits: Vec<Answers<Option<Hit>>>,
     blocked: Vec<Answers<bool>>,
 }
 
 impl Worker for Answering<'_> {
     fn load(&mut self, sweep: &RecordedSweep) {
+        self.sweep = sweep.clone();
         self.hits.iter_mut().for_each(Answers::clear);
         self.blocked.iter_mut().for_each(Answers::clear);
         match sweep {
@@ -177,9 +184,9 @@ impl Worker for Answering<'_> {
         }
     }
 
-    fn trace(&mut self, sweep: &RecordedSweep) {
+    fn trace(&mut self, _: &RecordedSweep) {
         let mut tracer = self.strategy.begin_sweep(Work::Off);
-        match sweep {
+        match &self.sweep {
             RecordedSweep::Nearest(bundles) => {
                 for ((rays, _), answers) in bundles.iter().zip(&mut self.hits) {
                     tracer.nearest_bundle(rays, answers);
