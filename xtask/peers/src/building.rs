@@ -28,9 +28,9 @@ fn triangles() -> Vec<Triangle> {
     let point = |i: u32, j: u32| {
         let (u, v) =
             (f64::from(i % AROUND) / f64::from(AROUND), (f64::from(j) + 0.5) / (f64::from(DOWN) + 1.0));
-        let ((sin_u, cos_u), (sin_v, cos_v)) =
-            ((u * std::f64::consts::TAU).sin_cos(), (v * std::f64::consts::PI).sin_cos());
-        let radius = 1.0 + 0.05 * (40.0 * u).sin() * (31.0 * v).sin();
+        let (u, v) = (u * std::f64::consts::TAU, v * std::f64::consts::PI);
+        let ((sin_u, cos_u), (sin_v, cos_v)) = (libm::sincos(u), libm::sincos(v));
+        let radius = 1.0 + 0.05 * libm::sin(40.0 * u) * libm::sin(31.0 * v);
         radius * DVec3::new(sin_v * cos_u, cos_v, sin_v * sin_u)
     };
     let quads = (0..DOWN).flat_map(|j| (0..AROUND).map(move |i| (i, j)));
