@@ -1,7 +1,8 @@
 //! Experiments over scenes, strategies and options: Table 1 of Speer, DeRose and Barsky (1985) and its cost model.
 //!
 //! [`Table1`] is the paper's experiment, run on the scenes of a [`Table1Plan`]; [`CostModel`] is the paper's section 3,
-//! fitted to what was measured. [`Coherence`] is what the strategy `coherent` gains today.
+//! fitted to what was measured. [`Coherence`] is what the strategy `coherent` gains today, and [`Bench`] what every
+//! exact strategy takes for the same rays.
 //!
 //! ```
 //! use rayset_study::CostModel;
@@ -11,6 +12,7 @@
 //! assert!((model.threshold() - 0.662).abs() < 0.001);
 //! ```
 
+mod bench;
 mod coherence;
 mod conditions;
 mod cost_model;
@@ -24,6 +26,10 @@ mod statistics;
 mod study;
 mod table1;
 
+pub use bench::{
+    Bench, BenchPlan, BenchRow, BenchScene, Contender, ContenderRow, Disagreements, MOST_TESTS_PER_RAY, Pass,
+    PassRow, RecordedPass, RecordedSweep, Recording, View, Worker, strategies,
+};
 pub use coherence::{Coherence, CoherenceCell, CoherencePlan, CoherenceRow};
 pub use conditions::{Conditions, Pair};
 pub use cost_model::{CostModel, Measurement};

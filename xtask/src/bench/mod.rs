@@ -1,13 +1,30 @@
-//! `cargo xtask bench`: times, as ratios of two things that took turns on the same machine.
+//! `cargo xtask bench`: times, always of things that took turns on the same machine.
 
 mod coherence;
+mod strategies;
 
 use crate::Outcome;
 
 #[derive(clap::Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:
+  cargo xtask bench
+  cargo xtask bench --quick
+  cargo xtask bench --scene spheres-16k --scene knob --only hierarchical --only cellular
+  cargo xtask bench --scene model.obj --view crop --threads 2
+  cargo xtask bench --peers --quick
+  cargo xtask bench coherence
+
+Every strategy answers the same rays, recorded once a scene, in turns, list by list; answers are compared bit by bit.
+Times are those of the processor, of the calls alone. A strategy that needs thousands of tests a ray is skipped.
+Tables, figures as JSON, and a plot are written. The machine should have nothing else to do."
+)]
 pub(crate) struct Options {
     #[command(subcommand)]
-    what: What,
+    what: Option<What>,
+    #[command(flatten)]
+    strategies: strategies::Options,
 }
 
 #[derive(clap::Subcommand)]
@@ -18,6 +35,7 @@ enum What {
 
 pub(crate) fn run(options: &Options) -> Outcome {
     match &options.what {
-        What::Coherence(options) => coherence::run(options),
+        Some(What::Coherence(options)) => coherence::run(options),
+        None => strategies::run(&options.strategies),
     }
 }

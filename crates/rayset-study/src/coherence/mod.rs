@@ -3,6 +3,8 @@
 mod report;
 mod run;
 
+pub(crate) use run::processor;
+
 use rayset_engine::Backend;
 use serde::Serialize;
 

@@ -1,0 +1,171 @@
+//! Time a ray of whole frames, over the number of spheres and for the other scenes.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use super::{Bench, BenchRow};
+use crate::StudyError;
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Okabe and Ito's colours, which colour-blind readers tell apart; the lightest is left out.
+const COLORS: [[u8; 3]; 7] =
+    [[0, 0, 0], [230, 159, 0], [0, 158, 115], [0, 114, 178], [213, 94, 0], [204, 121, 167], [86, 180, 233]];
+const SIZE: (u32, u32) = (1100, 560);
+
+/// The nanoseconds a ray of one contender, by place on the axis.
+struct Curve<'b> {
+    name: &'b str,
+    /// x, and the median with its quartiles.
+    points: Vec<(f64, [f64; 3])>,
+}
+
+impl Bench {
+    /// The plot as an SVG document: frames of the first view of every scene.
+    ///
+    /// # Errors
+    ///
+    /// [`StudyError::Draw`] if it cannot be drawn.
+    pub fn svg(&self) -> Result<String, StudyError> {
+        self.draw().map_err(|source| StudyError::Draw { figure: "the bench".to_owned(), source })
+    }
+
+    fn draw(&self) -> Result<String, Failure> {
+        let view = self.rows.first().map(|row| row.view.as_str()).unwrap_or_default();
+        let rows: Vec<_> = self.rows.iter().filter(|row| row.view == view).collect();
+        let (spheres, others): (Vec<&BenchRow>, Vec<&BenchRow>) =
+            rows.into_iter().partition(|row| row.spheres.is_some());
+        let mut names: Vec<&str> = Vec::new();
+        for contender in self.rows.iter().flat_map(|row| &row.contenders) {
+            if !names.contains(&contender.name.as_str()) {
+                names.push(&contender.name);
+            }
+        }
+        let by_number = |row: &BenchRow, _: usize| f64::from(row.spheres.unwrap_or_default());
+        #[expect(clippy::cast_precision_loss, reason = "few scenes")]
+        let by_place = |_: &BenchRow, place: usize| place as f64;
+        let mut document = String::new();
+        {
+            let area = SVGBackend::with_string(&mut document, SIZE).into_drawing_area();
+            area.fill(&WHITE)?;
+            let (left, right) = area.split_horizontally(SIZE.0 * 11 / 20);
+            if !spheres.is_empty() {
+                let curves = curves(&names, &spheres, &by_number);
+                let greatest = spheres.iter().map(|row| by_number(row, 0)).fold(2.0, f64::max);
+                let mut chart = chart(&left, &format!("random spheres, {view}")).build_cartesian_2d(
+                    (0.7..greatest * 1.4).log_scale().base(2.0),
+                    range(&curves).log_scale(),
+                )?;
+                chart
+                    .configure_mesh()
+                    .x_desc("spheres")
+                    .y_desc("nanoseconds a ray")
+                    .x_label_formatter(&|x| format!("{x:.0}"))
+                    .y_label_formatter(&|y| format!("{y:.0}"))
+                    .light_line_style(WHITE)
+                    .draw()?;
+                for (i, curve) in curves.iter().enumerate() {
+                    let color = color(i);
+                    let line = curve.points.iter().map(|&(x, [_, median, _])| (x, median));
+                    chart
+                        .draw_series(LineSeries::new(line.clone(), color.stroke_width(2)))?
+                        .label(curve.name)
+                        .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+                    chart.draw_series(line.map(|point| Circle::new(point, 3, color.filled())))?;
+                    chart.draw_series(curve.points.iter().map(|&(x, [low, _, high])| {
+                        PathElement::new([(x, low), (x, high)], color.stroke_width(1))
+                    }))?;
+                }
+                legend(&mut chart)?;
+            }
+            if !others.is_empty() {
+                let curves = curves(&names, &others, &by_place);
+                let end = by_place(others[0], others.len()) - 0.5;
+                let mut chart = chart(&right, &format!("other scenes, {view}"))
+                    .build_cartesian_2d(-0.5..end, range(&curves).log_scale())?;
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "the place of a scene"
+                )]
+                let scene = |x: &f64| {
+                    let is_place = *x > -0.5 && (x - x.round()).abs() < 0.01;
+                    let row = others.get(x.round().max(0.0) as usize).filter(|_| is_place);
+                    row.map_or_else(String::new, |row| row.scene.clone())
+                };
+                chart
+                    .configure_mesh()
+                    .x_labels(2 * others.len() + 1)
+                    .x_label_formatter(&scene)
+                    .y_label_formatter(&|y| format!("{y:.0}"))
+                    .light_line_style(WHITE)
+                    .draw()?;
+                for (i, curve) in curves.iter().enumerate() {
+                    let color = color(i);
+                    let points = curve.points.iter().map(|&(x, [_, median, _])| (x, median));
+                    chart
+                        .draw_series(points.map(|point| Circle::new(point, 4, color.filled())))?
+                        .label(curve.name)
+                        .legend(move |(x, y)| Circle::new((x + 9, y), 4, color.filled()));
+                }
+                legend(&mut chart)?;
+            }
+            area.present()?;
+        }
+        Ok(document)
+    }
+}
+
+/// The curves that have points, in the order of the names.
+#[expect(clippy::cast_precision_loss, reason = "counts below 2^53")]
+fn curves<'b>(
+    names: &[&'b str],
+    rows: &[&BenchRow],
+    place: &dyn Fn(&BenchRow, usize) -> f64,
+) -> Vec<Curve<'b>> {
+    let curve = |name: &&'b str| {
+        let points = rows.iter().enumerate().filter_map(|(i, row)| {
+            let frame = row.contender(name)?.frame;
+            let times = [frame.lower_quartile, frame.median, frame.upper_quartile];
+            Some((place(row, i), times.map(|time| time * 1e6 / row.rays() as f64)))
+        });
+        Curve { name, points: points.collect() }
+    };
+    names.iter().map(curve).collect()
+}
+
+/// From the least to the greatest time, with some room.
+fn range(curves: &[Curve<'_>]) -> std::ops::Range<f64> {
+    let times = || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.1[1]));
+    times().fold(1e9, f64::min).min(10.0) * 0.8..times().fold(0.0, f64::max).max(20.0) * 1.5
+}
+
+fn color(number: usize) -> RGBColor {
+    let [red, green, blue] = COLORS[number % COLORS.len()];
+    RGBColor(red, green, blue)
+}
+
+fn chart<'a, 'b>(
+    area: &'a DrawingArea<SVGBackend<'b>, Shift>,
+    title: &str,
+) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
+    let mut builder = ChartBuilder::on(area);
+    builder.caption(title, ("sans-serif", 15)).margin(12).x_label_area_size(36).y_label_area_size(54);
+    builder
+}
+
+fn legend<'a, 'b: 'a, X, Y>(
+    chart: &mut ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>,
+) -> Result<(), Failure>
+where
+    X: Ranged<ValueType = f64>,
+    Y: Ranged<ValueType = f64>,
+{
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .background_style(WHITE.mix(0.85))
+        .border_style(RGBColor(200, 200, 200))
+        .draw()?;
+    Ok(())
+}

@@ -1,0 +1,241 @@
+//! The rays of a Whitted tree, list by list, as the engine asks for them.
+
+use std::fmt;
+
+use rayset_engine::{
+    Answers, Generation, Hit, IntersectionStrategy, RayKind, RayQuery, RaySetIndex, RaySets,
+    ShadowGeneration, ShadowQuery, Slot, Stats, Tracer, TreeOptions,
+};
+
+use super::View;
+
+/// The greatest depth of the trees; the initial ray has depth 1.
+const DEPTH: u32 = 3;
+
+/// The side of a tile, and the rows of a band: a tile is a bundle, a band is a sweep.
+const TILE: u32 = 16;
+
+/// The rays of one kind at one depth; a light ray has the depth of the ray that hit the point it leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Pass {
+    /// The kind.
+    pub kind: RayKind,
+    /// The depth, from 1.
+    pub depth: u32,
+}
+
+impl Pass {
+    /// All lists of a tree, in the order of reports.
+    pub const ALL: [Self; 8] = [
+        Self { kind: RayKind::Initial, depth: 1 },
+        Self { kind: RayKind::Shadow, depth: 1 },
+        Self { kind: RayKind::Reflected, depth: 2 },
+        Self { kind: RayKind::Refracted, depth: 2 },
+        Self { kind: RayKind::Shadow, depth: 2 },
+        Self { kind: RayKind::Reflected, depth: 3 },
+        Self { kind: RayKind::Refracted, depth: 3 },
+        Self { kind: RayKind::Shadow, depth: 3 },
+    ];
+
+    fn of(slot: Slot) -> Self {
+        Self { kind: slot.kind(), depth: slot.depth() }
+    }
+
+    fn index(self) -> usize {
+        Self::ALL.iter().position(|pass| *pass == self).expect("a tree of this depth has no other rays")
+    }
+}
+
+impl fmt::Display for Pass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.kind.name(), self.depth)
+    }
+}
+
+/// All rays of a view, and what they hit.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// The lists that have rays, in the order of [`Pass::ALL`].
+    pub passes: Vec<RecordedPass>,
+}
+
+/// A list of rays.
+#[derive(Clone, Debug)]
+pub struct RecordedPass {
+    /// Which.
+    pub pass: Pass,
+    /// Its sweeps: bands of tiles, from the top.
+    pub sweeps: Vec<RecordedSweep>,
+}
+
+/// The rays of a list in one sweep, bundle by bundle, each with its answers.
+#[derive(Clone, Debug)]
+pub enum RecordedSweep {
+    /// Rays that ask for the nearest hit.
+    Nearest(Vec<(Generation, Vec<Option<Hit>>)>),
+    /// Rays that ask whether anything is between.
+    Shadow(Vec<(ShadowGeneration, Vec<bool>)>),
+}
+
+impl RecordedSweep {
+    /// How many rays there are.
+    #[must_use]
+    pub fn rays(&self) -> usize {
+        match self {
+            Self::Nearest(bundles) => bundles.iter().map(|(rays, _)| rays.len()).sum(),
+            Self::Shadow(bundles) => bundles.iter().map(|(rays, _)| rays.len()).sum(),
+        }
+    }
+
+    /// How many of them hit, or are blocked.
+    #[must_use]
+    pub fn hits(&self) -> usize {
+        match self {
+            Self::Nearest(bundles) => bundles.iter().map(|(_, hits)| hits.iter().flatten().count()).sum(),
+            Self::Shadow(bundles) => {
+                bundles.iter().map(|(_, blocked)| blocked.iter().filter(|blocked| **blocked).count()).sum()
+            }
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.rays() == 0
+    }
+}
+
+impl RecordedPass {
+    /// How many rays there are.
+    #[must_use]
+    pub fn rays(&self) -> u64 {
+        self.sweeps.iter().map(|sweep| sweep.rays() as u64).sum()
+    }
+
+    /// How many of them hit, or are blocked.
+    #[must_use]
+    pub fn hits(&self) -> u64 {
+        self.sweeps.iter().map(|sweep| sweep.hits() as u64).sum()
+    }
+}
+
+impl Recording {
+    /// Grows the trees of a view with a strategy and keeps every ray and answer: a bundle is a tile of 16 x 16 pixels,
+    /// a sweep is a band of tiles. Nothing is cut off but by depth.
+    #[must_use]
+    pub fn of(strategy: &dyn IntersectionStrategy, view: &View) -> Self {
+        let scene = strategy.scene();
+        let options = TreeOptions { max_depth: DEPTH, cutoff: None };
+        let crop = view.crop();
+        let mut passes = Pass::ALL.map(|pass| RecordedPass { pass, sweeps: Vec::new() });
+        let mut ray_sets = RaySets::default();
+        let mut first = RaySetIndex(0);
+        for top in (0..crop.height).step_by(TILE as usize) {
+            let mut recorder = Recorder {
+                inner: strategy.begin_sweep(rayset_engine::Recording::Off),
+                sweeps: Pass::ALL.map(|pass| match pass.kind {
+                    RayKind::Shadow => RecordedSweep::Shadow(Vec::new()),
+                    _ => RecordedSweep::Nearest(Vec::new()),
+                }),
+            };
+            for left in (0..crop.width).step_by(TILE as usize) {
+                let bottom = (top + TILE).min(crop.height);
+                let right = (left + TILE).min(crop.width);
+                let rays = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y))).map(|(x, y)| {
+                    let place = |pixel: u32, first: u32| f64::from(first + pixel) + 0.5;
+                    scene.camera().ray(place(x, crop.x), place(y, crop.y), view.image, view.image)
+                });
+                ray_sets.grow(scene, &mut recorder, first, rays, &options);
+                first.0 += (bottom - top) * (right - left);
+            }
+            for (pass, sweep) in passes.iter_mut().zip(recorder.sweeps) {
+                if !sweep.is_empty() {
+                    pass.sweeps.push(sweep);
+                }
+            }
+        }
+        Self { passes: passes.into_iter().filter(|pass| !pass.sweeps.is_empty()).collect() }
+    }
+}
+
+/// Answers as another tracer does, and keeps rays and answers.
+struct Recorder<'s> {
+    inner: Box<dyn Tracer + 's>,
+    /// By [`Pass::index`].
+    sweeps: [RecordedSweep; Pass::ALL.len()],
+}
+
+impl Tracer for Recorder<'_> {
+    fn nearest(&mut self, query: &RayQuery) -> Option<Hit> {
+        self.inner.nearest(query)
+    }
+
+    fn occluded(&mut self, query: &ShadowQuery) -> bool {
+        self.inner.occluded(query)
+    }
+
+    fn stats(&self) -> &Stats {
+        self.inner.stats()
+    }
+
+    fn recording(&self) -> rayset_engine::Recording {
+        self.inner.recording()
+    }
+
+    fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
+        let before = answers.values.len();
+        self.inner.nearest_bundle(generation, answers);
+        let mut bundles: [(Generation, Vec<Option<Hit>>); Pass::ALL.len()] = Default::default();
+        for (i, hit) in answers.values[before..].iter().enumerate() {
+            let (rays, hits) = &mut bundles[Pass::of(generation.slots()[i]).index()];
+            rays.push(&generation.query(i));
+            hits.push(*hit);
+        }
+        for (sweep, bundle) in self.sweeps.iter_mut().zip(bundles) {
+            if let RecordedSweep::Nearest(bundles) = sweep
+                && !bundle.0.is_empty()
+            {
+                bundles.push(bundle);
+            }
+        }
+    }
+
+    fn occluded_bundle(&mut self, generation: &ShadowGeneration, answers: &mut Answers<bool>) {
+        let before = answers.values.len();
+        self.inner.occluded_bundle(generation, answers);
+        let Some(slot) = generation.rays().slots().first() else { return };
+        let pass = Pass { kind: RayKind::Shadow, depth: slot.depth() };
+        if let RecordedSweep::Shadow(bundles) = &mut self.sweeps[pass.index()] {
+            bundles.push((generation.clone(), answers.values[before..].to_vec()));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rayset_engine::{Hierarchical, PixelOrder, RenderOptions, Standard, render};
+    use rayset_scene::RandomSpheres;
+
+    use super::*;
+
+    #[test]
+    fn the_rays_are_those_of_the_image() {
+        let scene = RandomSpheres { count: 4, ..RandomSpheres::default() }.scene().unwrap();
+        let view = View { image: 40, side: 40 };
+        let recording = Recording::of(&Hierarchical::new(&scene), &view);
+        let options = RenderOptions {
+            width: 40,
+            height: 40,
+            max_depth: DEPTH,
+            cutoff: None,
+            order: PixelOrder::Tiles(TILE),
+            ..RenderOptions::default()
+        };
+        let counts = render(&Standard::new(&scene), &options).unwrap().counts;
+        for kind in RayKind::ALL {
+            let of_kind = || recording.passes.iter().filter(|pass| pass.pass.kind == kind);
+            let rays: u64 = of_kind().map(RecordedPass::rays).sum();
+            let hits: u64 = of_kind().map(RecordedPass::hits).sum();
+            assert_eq!((rays, hits), (counts[kind].cast, counts[kind].hit), "{kind:?}");
+        }
+        assert!(recording.passes.iter().all(|pass| pass.sweeps.len() <= 3));
+    }
+}

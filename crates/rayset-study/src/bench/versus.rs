@@ -1,0 +1,179 @@
+//! Ours beside other libraries, as ratios of speeds.
+
+use std::fmt::Write as _;
+
+use super::report::cells;
+use super::{Bench, BenchRow, ContenderRow};
+
+/// Whose contenders are compared with all others.
+const OURS: &str = "rayset";
+
+/// The single rays of ours and of the library that comparisons are usually made with.
+const SINGLE: [&str; 2] = ["hierarchical", "embree 1"];
+
+impl BenchRow {
+    /// Nanoseconds a ray of the fastest contender of a family for a list.
+    fn best(&self, family: &str, pass: usize) -> Option<f64> {
+        let of_family = self.contenders.iter().filter(|contender| contender.family == family);
+        of_family
+            .filter_map(|contender| contender.passes.get(pass))
+            .map(|spread| spread.median)
+            .reduce(f64::min)
+    }
+
+    /// Milliseconds of a frame whose every list takes some nanoseconds a ray.
+    #[expect(clippy::cast_precision_loss, reason = "counts below 2^53")]
+    fn frame(&self, list: impl Fn(usize) -> Option<f64>) -> Option<f64> {
+        let times = self.passes.iter().enumerate().map(|(p, pass)| Some(list(p)? * pass.rays as f64 * 1e-6));
+        times.sum()
+    }
+
+    fn single(&self, which: usize, pass: usize) -> Option<f64> {
+        self.contender(SINGLE[which])?.passes.get(pass).map(|spread| spread.median)
+    }
+}
+
+impl Bench {
+    /// Tables of ratios, if there is anyone to compare with.
+    pub(super) fn write_comparisons(&self, text: &mut String) {
+        let mut families: Vec<&str> = Vec::new();
+        for ContenderRow { family, .. } in self.rows.iter().flat_map(|row| &row.contenders) {
+            if family != OURS && !families.contains(&family.as_str()) {
+                families.push(family);
+            }
+        }
+        if families.is_empty() {
+            return;
+        }
+        self.write_frames(text, &families);
+        let single: Ratio<'_> = &|row, pass| Some(row.single(1, pass)? / row.single(0, pass)?);
+        self.write_lists(
+            text,
+            &format!("Speed of `{}` over `{}`, list by list", SINGLE[0], SINGLE[1]),
+            single,
+        );
+        let best: Ratio<'_> = &|row, pass| Some(row.single(1, pass)? / row.best(OURS, pass)?);
+        self.write_lists(
+            text,
+            &format!("Speed of the best of ours over `{}`, list by list", SINGLE[1]),
+            best,
+        );
+        for family in families {
+            let ratio: Ratio<'_> = &|row, pass| Some(row.best(family, pass)? / row.best(OURS, pass)?);
+            let title = format!("Speed of the best of ours over the best mode of {family}, list by list");
+            self.write_lists(text, &title, ratio);
+        }
+    }
+
+    /// Frames as sums over lists, and their ratios.
+    fn write_frames(&self, text: &mut String, families: &[&str]) {
+        let [ours, theirs] = SINGLE;
+        let _ = write!(
+            text,
+            "### All rays of a frame, in milliseconds, and ratios of speeds: above 1, ours is faster\n\n\
+             Best is the fastest mode for each list.\n\n\
+             | scene | view | `{ours}` | `{theirs}` | ratio | best of ours | over `{theirs}` |"
+        );
+        cells(text, families.iter().map(|family| format!("best of {family} | ratio")));
+        let _ = writeln!(text, "\n|---|---|{}", "---:|".repeat(5 + 2 * families.len()));
+        for row in &self.rows {
+            let single = [0, 1].map(|which| row.frame(|pass| row.single(which, pass)));
+            let best = row.frame(|pass| row.best(OURS, pass));
+            let ratio = |ours: Option<f64>, theirs: Option<f64>| Some(theirs? / ours?);
+            let mut entries =
+                vec![single[0], single[1], ratio(single[0], single[1]), best, ratio(best, single[1])];
+            for family in families {
+                let theirs = row.frame(|pass| row.best(family, pass));
+                entries.extend([theirs, ratio(best, theirs)]);
+            }
+            let _ = write!(text, "| {} | {} |", row.scene, row.view);
+            cells(text, entries.into_iter().map(number));
+            text.push('\n');
+        }
+        text.push('\n');
+    }
+
+    /// A ratio for each list.
+    fn write_lists(&self, text: &mut String, title: &str, ratio: Ratio<'_>) {
+        let mut names: Vec<&str> = Vec::new();
+        for pass in self.rows.iter().flat_map(|row| &row.passes) {
+            if !names.contains(&pass.name.as_str()) {
+                names.push(&pass.name);
+            }
+        }
+        let _ = write!(text, "### {title}\n\n| scene | view |");
+        cells(text, names.iter().map(|name| (*name).to_owned()));
+        let _ = writeln!(text, "\n|---|---|{}", "---:|".repeat(names.len()));
+        for row in &self.rows {
+            let entry = |name: &&str| {
+                let pass = row.passes.iter().position(|pass| pass.name == *name)?;
+                ratio(row, pass)
+            };
+            let entries: Vec<_> = names.iter().map(entry).collect();
+            if entries.iter().flatten().next().is_some() {
+                let _ = write!(text, "| {} | {} |", row.scene, row.view);
+                cells(text, entries.into_iter().map(number));
+                text.push('\n');
+            }
+        }
+        text.push('\n');
+    }
+}
+
+/// A ratio of speeds for a list of a row.
+type Ratio<'r> = &'r dyn Fn(&BenchRow, usize) -> Option<f64>;
+
+/// Two decimals, or none of a large number, or nothing.
+fn number(value: Option<f64>) -> String {
+    match value {
+        None => String::new(),
+        Some(value) if value >= 100.0 => format!("{value:.0}"),
+        Some(value) => format!("{value:.2}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{ContenderRow, Disagreements, PassRow};
+    use super::*;
+    use crate::Spread;
+
+    #[test]
+    fn the_best_is_found_list_by_list() {
+        let contender = |name: &str, family: &str, times: [f64; 2]| ContenderRow {
+            name: name.to_owned(),
+            family: family.to_owned(),
+            ready_seconds: 0.0,
+            frame: Spread::default(),
+            passes: times.map(|time| Spread::of(&[time])).to_vec(),
+            disagreements: Disagreements::default(),
+        };
+        let pass = |name: &str| PassRow { name: name.to_owned(), rays: 1_000_000, hits: 0 };
+        let row = BenchRow {
+            scene: "a".to_owned(),
+            view: "b".to_owned(),
+            spheres: None,
+            primitives: 1,
+            passes: vec![pass("initial 1"), pass("shadow 1")],
+            contenders: vec![
+                contender("hierarchical", "rayset", [10.0, 20.0]),
+                contender("bundle", "rayset", [5.0, 30.0]),
+                contender("embree 1", "embree", [20.0, 40.0]),
+                contender("embree 16", "embree", [50.0, 10.0]),
+            ],
+            skipped: Vec::new(),
+        };
+        let bench = Bench {
+            processor: String::new(),
+            cores: 1,
+            threads: 1,
+            backend: String::new(),
+            repetitions: 1,
+            most_tests_per_ray: 0.0,
+            rows: vec![row],
+        };
+        let text = bench.to_markdown();
+        assert!(text.contains("| a | b | 30.00 | 60.00 | 2.00 | 25.00 | 2.40 | 30.00 | 1.20 |"), "{text}");
+        assert!(text.contains("| a | b | 4.00 | 0.50 |"), "{text}");
+    }
+}

@@ -1,0 +1,185 @@
+//! What peers are given: triangles and spheres, and rays, in single precision.
+
+use rayset_engine::RayQuery;
+use rayset_engine::geometry::{PrimitiveKind, Sides};
+use rayset_engine::scene::glam::DVec3;
+use rayset_engine::scene::{Scene, VolumeId};
+use rayset_study::{Disagreements, RecordedSweep};
+
+/// Rays that leave a surface see others from here on, relative to the extent of the scene: single precision would else
+/// see the surface itself. Ours leaves surfaces by their identity, at almost no distance.
+const START: f64 = 2e-5;
+
+/// Distances that differ by less, relative to the extent of the scene and the distance, are the same.
+const SAME: f64 = 1.0 / 65536.0;
+
+/// The primitives of a scene, with their ids.
+#[derive(Default)]
+pub(crate) struct Parts {
+    pub(crate) triangles: Vec<([[f32; 3]; 3], u32)>,
+    pub(crate) spheres: Vec<([f32; 3], f32, u32)>,
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "peers decide in single precision")]
+pub(crate) fn narrow(v: DVec3) -> [f32; 3] {
+    v.to_array().map(|x| x as f32)
+}
+
+impl Parts {
+    /// The primitives of a scene; an error says why there is something that peers do not have.
+    pub(crate) fn of(scene: &Scene) -> Result<Self, String> {
+        let mut parts = Self::default();
+        for volume in (0..).map(VolumeId).take(scene.volumes().len()) {
+            for run in scene.volume_runs(volume) {
+                if run.sides != Sides::Both {
+                    return Err("surfaces with one side".to_owned());
+                }
+                for index in run.range.clone() {
+                    let id = scene.primitive_id(run.kind, index).0;
+                    match run.kind {
+                        PrimitiveKind::Triangle => {
+                            let triangle = scene.primitives().triangle(index);
+                            parts.triangles.push((triangle.vertices().map(narrow), id));
+                        }
+                        PrimitiveKind::Sphere => {
+                            let sphere = scene.primitives().sphere(index);
+                            #[expect(
+                                clippy::cast_possible_truncation,
+                                reason = "peers decide in single precision"
+                            )]
+                            let radius = sphere.radius() as f32;
+                            parts.spheres.push((narrow(sphere.center()), radius, id));
+                        }
+                        kind => return Err(format!("primitives of kind {kind:?}").to_lowercase()),
+                    }
+                }
+            }
+        }
+        // In the order of the scene, not of its volumes, so that ids are near where primitives are.
+        parts.triangles.sort_by_key(|triangle| triangle.1);
+        parts.spheres.sort_by_key(|sphere| sphere.2);
+        Ok(parts)
+    }
+}
+
+/// A ray in single precision.
+#[derive(Clone, Copy)]
+pub(crate) struct Narrow {
+    pub(crate) origin: [f32; 3],
+    pub(crate) direction: [f32; 3],
+    pub(crate) span: [f32; 2],
+}
+
+/// Where a ray stands in a sweep: bundle and place.
+pub(crate) type Place = (usize, usize);
+
+/// The rays of a sweep, bundle by bundle; within one by slot and light, then along a Morton curve over the tile, so
+/// that 16 neighbours in the list are 4 by 4 in the image where none is missing.
+#[expect(clippy::cast_possible_truncation, reason = "peers decide in single precision")]
+pub(crate) fn rays(sweep: &RecordedSweep, extent: f64) -> Vec<(Narrow, Place)> {
+    let mut rays = Vec::with_capacity(sweep.rays());
+    let mut append = |b: usize, queries: Vec<(RayQuery, u32)>| {
+        let first = queries.iter().map(|(query, _)| query.ray_set.0).min().unwrap_or(0) / 256 * 256;
+        let mut order: Vec<_> = (0..queries.len()).collect();
+        order.sort_by_key(|&i| (queries[i].0.slot, queries[i].1, morton(queries[i].0.ray_set.0 - first)));
+        for i in order {
+            let query = &queries[i].0;
+            let leaves = query.originating.is_some();
+            let start = if leaves { query.span.start.max(START * extent) } else { query.span.start };
+            let span = [start as f32, query.span.end as f32];
+            let (origin, direction) = (narrow(query.ray.origin()), narrow(query.ray.direction()));
+            rays.push((Narrow { origin, direction, span }, (b, i)));
+        }
+    };
+    match sweep {
+        RecordedSweep::Nearest(bundles) => {
+            for (b, (rays, _)) in bundles.iter().enumerate() {
+                append(b, (0..rays.len()).map(|i| (rays.query(i), 0)).collect());
+            }
+        }
+        RecordedSweep::Shadow(bundles) => {
+            for (b, (rays, _)) in bundles.iter().enumerate() {
+                append(b, (0..rays.len()).map(|i| (rays.rays().query(i), rays.lights()[i].0)).collect());
+            }
+        }
+    }
+    rays
+}
+
+/// The place of a pixel of a tile of 16 by 16, counted row by row, on a Morton curve.
+fn morton(pixel: u32) -> u32 {
+    let spread = |x: u32| (0..4).map(|bit| (x >> bit & 1) << (2 * bit)).sum::<u32>();
+    spread(pixel % 16) | spread(pixel / 16 % 16) << 1
+}
+
+/// What a peer said of a ray: distance and id of the hit, or whether something is between.
+pub(crate) enum Said {
+    Nearest(Option<(f32, u32)>),
+    Blocked(bool),
+}
+
+/// Compares what a peer said with what is recorded.
+pub(crate) fn judge(
+    sweep: &RecordedSweep,
+    (b, i): Place,
+    said: &Said,
+    extent: f64,
+    found: &mut Disagreements,
+) {
+    found.compared += 1;
+    match (sweep, said) {
+        (RecordedSweep::Nearest(bundles), Said::Nearest(theirs)) => {
+            let (rays, hits) = &bundles[b];
+            let query = rays.query(i);
+            let ours = hits[i].map(|hit| (hit.t, hit.primitive.0));
+            let theirs = theirs.map(|(t, id)| (f64::from(t), id));
+            let own = query.originating.map(|from| from.primitive.0);
+            let start = if own.is_some() { START * extent } else { 0.0 };
+            let same = |a: f64, b: f64| (a - b).abs() <= SAME * (extent + a.abs());
+            let reason = match (ours, theirs) {
+                (None, None) => return,
+                (Some(ours), Some(theirs)) if ours.1 == theirs.1 && same(ours.0, theirs.0) => return,
+                (Some(ours), _) if ours.0 <= 2.0 * start => "hit nearer than where single precision starts",
+                (_, Some(theirs)) if Some(theirs.1) == own => "its own surface hit again, by rounding",
+                (Some(ours), Some(theirs)) if ours.1 == theirs.1 => "same primitive, other distance: grazing",
+                (Some(ours), Some(theirs)) if same(ours.0, theirs.0) => {
+                    "other primitive at the same distance: an edge"
+                }
+                (Some(ours), None) if Some(ours.1) == own => "way out of its own surface not found: grazing",
+                (Some(_), None) => "hit not found: an edge or a silhouette",
+                (None, Some(_)) => "hit where there is none: an edge or a silhouette",
+                (Some(ours), Some(theirs)) if ours.0 < theirs.0 => "farther hit: an edge or a silhouette",
+                (Some(_), Some(_)) => "nearer hit: an edge or a silhouette",
+            };
+            found.add(reason, || {
+                let (o, d) = (query.ray.origin(), query.ray.direction());
+                format!("ray from {o} along {d}: ours {ours:?}, theirs {theirs:?}")
+            });
+        }
+        (RecordedSweep::Shadow(bundles), Said::Blocked(theirs)) => {
+            let (rays, blocked) = &bundles[b];
+            let reason = match (blocked[i], theirs) {
+                (false, true) => "blocked, and ours is not: an edge, a silhouette or its own surface",
+                (true, false) => "not blocked, and ours is: an edge, a silhouette or near the start",
+                _ => return,
+            };
+            found.add(reason, || {
+                let query = rays.query(i);
+                format!("ray from {} along {}", query.ray.origin(), query.ray.direction())
+            });
+        }
+        _ => unreachable!("a worker answers what it was asked"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sixteen_neighbours_are_a_square() {
+        let mut first: Vec<_> = (0..256).filter(|pixel| morton(*pixel) < 16).collect();
+        first.sort_unstable();
+        assert_eq!(first, [0, 1, 2, 3, 16, 17, 18, 19, 32, 33, 34, 35, 48, 49, 50, 51]);
+    }
+}

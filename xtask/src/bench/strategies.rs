@@ -1,0 +1,147 @@
+//! `cargo xtask bench`: every exact strategy on the same rays.
+
+use std::fs;
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use rayset_study::{Bench, BenchPlan, BenchScene, View, write_file};
+
+use crate::{Outcome, project};
+
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Fewer scenes, smaller images, fewer repetitions: done within a minute.
+    #[arg(long)]
+    quick: bool,
+    /// A scene by name or file (.obj, .nff, .nff.gz, .toml); may be given more than once.
+    #[arg(long, value_name = "NAME|FILE")]
+    scene: Vec<String>,
+    /// A strategy, or a mode of a peer, by the beginning of its name; may be given more than once.
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
+    /// A view: whole, 512 x 512; or crop, the middle 512 x 512 of 2048 x 2048. Both, if none is named.
+    #[arg(long, value_name = "VIEW", value_parser = ["whole", "crop"])]
+    view: Option<String>,
+    /// How many threads share the rays.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: u16,
+    /// How often each list of rays is answered by each.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    repetitions: Option<u16>,
+    /// A folder with further meshes, each in a folder of its own: `teapot/teapot.obj`, `lost_empire/lost_empire.obj`.
+    #[arg(long, value_name = "FOLDER")]
+    meshes: Option<PathBuf>,
+    /// Adds other libraries on the same rays: Embree 3, if it is installed, obvhs and parry3d.
+    #[arg(long)]
+    peers: bool,
+    /// The folder for tables, figures as JSON, and plot.
+    #[arg(long, value_name = "FOLDER", default_value_os_t = project::root().join("target/bench"))]
+    out: PathBuf,
+}
+
+/// The scenes of a quick run.
+const QUICK: [&str; 5] = ["spheres-8", "spheres-1k", "spheres-16k", "balls", "knob"];
+
+pub(crate) fn run(options: &Options) -> Outcome {
+    let plan = plan(options)?;
+    // An output that cannot be written is found out before the minutes are spent.
+    let probe = options.out.join(".writable");
+    write_file(&probe, b"")?;
+    fs::remove_file(&probe)?;
+    let start = Instant::now();
+    if options.peers {
+        peers(options, &plan)?;
+    } else {
+        println!("{}", measure(&plan)?.write(&options.out, "strategies")?);
+    }
+    println!("Written to {} in {:.0} s.", options.out.display(), start.elapsed().as_secs_f64());
+    Ok(())
+}
+
+/// What the options ask for.
+fn plan(options: &Options) -> Result<BenchPlan, String> {
+    let (mut scenes, missing) = BenchScene::all(&project::fixtures(), options.meshes.as_deref());
+    if options.scene.is_empty() {
+        scenes.retain(|scene| !options.quick || QUICK.contains(&scene.name()));
+        if !missing.is_empty() && !options.quick {
+            eprintln!("note: not here, see --meshes: {}", missing.join(", "));
+        }
+    } else {
+        let chosen = options.scene.iter().map(|wanted| chosen(wanted, &scenes));
+        scenes = chosen.collect::<Result<_, _>>()?;
+    }
+    let side = if options.quick { 256 } else { 512 };
+    let mut views = vec![View { image: side, side }, View { image: 4 * side, side }];
+    match options.view.as_deref() {
+        Some("whole") => views.truncate(1),
+        Some(_) => drop(views.remove(0)),
+        None => {}
+    }
+    let repetitions = options.repetitions.map_or(if options.quick { 5 } else { 9 }, usize::from);
+    Ok(BenchPlan { scenes, views, repetitions, threads: options.threads.into(), only: options.only.clone() })
+}
+
+/// The scene of a name, or of a file.
+fn chosen(wanted: &str, scenes: &[BenchScene]) -> Result<BenchScene, String> {
+    if let Some(scene) = scenes.iter().find(|scene| scene.name() == wanted) {
+        return Ok(scene.clone());
+    }
+    let path = PathBuf::from(wanted);
+    if path.is_file() {
+        return Ok(BenchScene::file(&path));
+    }
+    let names: Vec<_> = scenes.iter().map(BenchScene::name).collect();
+    Err(format!("`{wanted}` is neither a file nor one of the scenes {}", names.join(", ")))
+}
+
+/// Builds the crate that holds the other libraries, which is not of the workspace, and has it measure.
+fn peers(options: &Options, plan: &BenchPlan) -> Outcome {
+    let manifest = project::root().join("xtask/peers/Cargo.toml").to_string_lossy().into_owned();
+    let target = project::root().join("target");
+    let mut build = project::cargo(&["build", "--release", "--manifest-path", &manifest]);
+    project::run(build.env("CARGO_TARGET_DIR", &target)).map_err(|error| {
+        format!("{error}; Embree 3 is needed, on Debian and its kin the package libembree-dev")
+    })?;
+    let mut command = std::process::Command::new(target.join("release/rayset-peers"));
+    command.arg(serde_json::to_string(plan)?).arg(&options.out);
+    // What building takes has nothing to do with scenes that are chosen.
+    if options.scene.is_empty() {
+        command.arg("building");
+    }
+    project::run(&mut command)
+}
+
+/// Measures with a progress bar on a terminal.
+fn measure(plan: &BenchPlan) -> Result<Bench, Box<dyn std::error::Error>> {
+    let steps = plan.scenes.len() * (1 + plan.views.len());
+    let bar = ProgressBar::new(steps as u64);
+    if !std::io::stderr().is_terminal() {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    let style = ProgressStyle::with_template("{msg:44} {wide_bar} {pos}/{len}, {elapsed}");
+    bar.set_style(style.expect("a valid template"));
+    let mut finished = 0;
+    let bench = Bench::run(plan, &mut |what| {
+        bar.set_message(what.to_owned());
+        bar.set_position(finished);
+        finished += 1;
+    });
+    bar.finish_and_clear();
+    Ok(bench?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quick_scenes_are_scenes() {
+        let (scenes, _) = BenchScene::all(&project::fixtures(), None);
+        for name in QUICK {
+            assert_eq!(chosen(name, &scenes).unwrap().name(), name);
+        }
+        assert!(chosen("nothing", &scenes).unwrap_err().contains("spheres-1k"));
+    }
+}
