@@ -105,8 +105,8 @@ impl<const W: usize> SphereBlock<W> {
 
     #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
     pub(crate) fn set(&mut self, lane: usize, center: [f64; 3], radius: f64) {
-        for k in 0..3 {
-            self.center[k][lane] = center[k] as f32;
+        for (column, center) in self.center.iter_mut().zip(center) {
+            column[lane] = center as f32;
         }
         self.radius[lane] = radius as f32;
     }
@@ -141,7 +141,7 @@ impl<const W: usize> SphereBlock<W> {
         let wide = discriminant + error;
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
         // Most leaves are done with here, and the roots are what costs most.
-        let real = wide.ge(zero);
+        let real = wide.ge(zero) & (front | back);
         if !real.any() {
             return Intervals { possible: real, sure: real, low: zero, high: zero };
         }
@@ -172,8 +172,8 @@ impl<const W: usize> TriangleBlock<W> {
     #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
     pub(crate) fn set(&mut self, lane: usize, vertices: [[f64; 3]; 3]) {
         for (v, vertex) in vertices.iter().enumerate() {
-            for k in 0..3 {
-                self.vertices[3 * v + k][lane] = vertex[k] as f32;
+            for (column, &coordinate) in self.vertices[3 * v..].iter_mut().zip(vertex) {
+                column[lane] = coordinate as f32;
             }
         }
     }

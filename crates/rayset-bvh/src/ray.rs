@@ -61,7 +61,7 @@ impl CullRay {
         let mut hit_slack = HIT_MARGIN * (2.0 * (size + frame.remoteness) + 1.0);
         let mut advance = 0.0;
         let mut start = span.start * frame.scale;
-        if !(hit_slack < 1.0) {
+        if hit_slack >= 1.0 || hit_slack.is_nan() {
             // So far off that a hit's error is larger than the scene: every box is met.
             (origin, size, hit_slack, start) = (DVec3::ZERO, 0.0, 1e6, f64::NEG_INFINITY);
         } else if size > FAR {
