@@ -309,9 +309,9 @@ impl Bins {
     fn with(mut self, references: &[Reference], binning: &Binning) -> Self {
         for reference in references {
             let bins = binning.bins(reference);
-            for k in 0..3 {
-                self.bounds[k][bins[k]].add(&reference.low, &reference.high);
-                self.counts[k][bins[k]] += 1;
+            for (k, &bin) in bins[..3].iter().enumerate() {
+                self.bounds[k][bin].add(&reference.low, &reference.high);
+                self.counts[k][bin] += 1;
             }
         }
         self
@@ -392,8 +392,7 @@ fn partition(references: &mut [Reference], is_left: impl Fn(&Reference) -> bool)
     let mut front = 0;
     for i in 0..references.len() {
         let reference = references[i];
-        references[i] = references[front];
-        references[front] = reference;
+        references.swap(i, front);
         front += usize::from(is_left(&reference));
     }
     front
