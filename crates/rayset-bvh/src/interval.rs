@@ -213,7 +213,7 @@ pub(crate) fn sphere<S: Simd>(
     let zero = simd.splat_f32(0.0);
     let wide = discriminant + error;
     // Most leaves are done with here, and the roots are what costs most.
-    let real = wide.ge(zero);
+    let real = wide.ge(zero) & (front | back);
     if !real.any() {
         return Intervals { possible: real, sure: real, low: zero, high: zero };
     }
