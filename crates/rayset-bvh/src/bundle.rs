@@ -79,7 +79,7 @@ impl Class {
 
     fn budget(&self) -> u64 {
         let (steps, rays) = self.alone;
-        BUDGET * if rays == 0 { FIRST_STEPS } else { (steps / rays).max(1) }
+        BUDGET * steps.checked_div(rays).unwrap_or(FIRST_STEPS).max(1)
     }
 }
 
@@ -104,6 +104,10 @@ impl Hierarchy {
     ///
     /// If the lanes are others, a column is too short, or there is no such primitive.
     #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "rays, what they are traced with, and where the answers go"
+    )]
     pub fn nearest_bundle_on<S: Simd>(
         &self,
         simd: S,
@@ -131,6 +135,10 @@ impl Hierarchy {
     ///
     /// If the lanes are others, a column is too short, or there is no such primitive.
     #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "rays, what they are traced with, and where the answers go"
+    )]
     pub fn occluded_bundle_on<S: Simd>(
         &self,
         simd: S,

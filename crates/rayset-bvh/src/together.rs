@@ -49,6 +49,13 @@ impl<S: Simd, const W: usize> Found<S, W> {
     }
 }
 
+/// The number of what stands at a place of a run.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "`Shapes::suits_packets` has counted the runs")]
+fn record_of(run: usize, place: u32) -> u32 {
+    (run as u32) << PLACE_BITS | place
+}
+
 impl<const W: usize> Shapes<W> {
     /// Whether packets can test everything there is.
     pub(crate) fn suits_packets(&self) -> bool {
@@ -61,7 +68,7 @@ impl<const W: usize> Shapes<W> {
         &self,
         simd: S,
         run: &Run,
-        place: usize,
+        place: u32,
         packet: &Packet<S>,
         ends: S::F32,
         left: &[Option<Departure>],
@@ -71,7 +78,7 @@ impl<const W: usize> Shapes<W> {
         let mut back = if run.sides == Sides::Front { 0 } else { all };
         for (lane, departure) in left.iter().enumerate() {
             if let Some(departure) = departure
-                && departure.index == run.first + place as u32
+                && departure.index == run.first + place
                 && departure.kind == run.kind
             {
                 front &= !(1 << lane);
@@ -88,7 +95,7 @@ impl<const W: usize> Shapes<W> {
             ends,
         };
         if run.kind == PrimitiveKind::Sphere {
-            let (center, radius) = self.sphere_block(run).one(simd, place);
+            let (center, radius) = self.sphere_block(run).one(simd, place as usize);
             interval::sphere(
                 simd,
                 center,
@@ -101,7 +108,7 @@ impl<const W: usize> Shapes<W> {
                 back,
             )
         } else {
-            let [a, b, c] = self.triangle_block(run).one(simd, place, packet.axes);
+            let [a, b, c] = self.triangle_block(run).one(simd, place as usize, packet.axes);
             let vertices = [packet.shear(a), packet.shear(b), packet.shear(c)];
             interval::triangle(
                 simd,
@@ -159,12 +166,12 @@ impl<const W: usize> Shapes<W> {
                 let place = candidates.trailing_zeros();
                 candidates &= candidates - 1;
                 tests += 1;
-                let at = self.all_intervals(simd, run, place as usize, packet, found.ends, exact.left);
+                let at = self.all_intervals(simd, run, place, packet, found.ends, exact.left);
                 if !at.possible.any() {
                     continue;
                 }
                 is_new = true;
-                let record = (i as u32) << PLACE_BITS | place;
+                let record = record_of(i, place);
                 let taken = at.possible & at.sure & at.high.lt(found.lows);
                 let mut unsure = (at.possible & !taken).bits();
                 found.lows = at.low.select(taken, found.lows);
@@ -243,10 +250,10 @@ impl<const W: usize> Shapes<W> {
                 let place = candidates.trailing_zeros();
                 candidates &= candidates - 1;
                 tests += 1;
-                let at = self.all_intervals(simd, run, place as usize, packet, packet.end, exact.left);
+                let at = self.all_intervals(simd, run, place, packet, packet.end, exact.left);
                 hidden |= (at.possible & at.sure).bits() & open;
                 let mut unsure = at.possible.bits() & open & !hidden;
-                let record = (i as u32) << PLACE_BITS | place;
+                let record = record_of(i, place);
                 while unsure != 0 {
                     let lane = unsure.trailing_zeros();
                     unsure &= unsure - 1;
