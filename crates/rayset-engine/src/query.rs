@@ -151,7 +151,7 @@ impl Hit {
 
 /// The rays of one level of a bundle of trees, as columns.
 ///
-/// Within each slot they stand in increasing order of ray-sets.
+/// Rays of a slot stand together, in increasing order of ray-sets.
 #[derive(Clone, Debug, Default)]
 pub struct Generation {
     ray_sets: Vec<RaySetIndex>,
@@ -295,7 +295,7 @@ impl<'a> Columns<'a> {
 
 /// The light rays of one level of a bundle of trees, as columns.
 ///
-/// Within each pair of slot and light they stand in increasing order of ray-sets.
+/// Rays of a slot and light stand together, in increasing order of ray-sets.
 #[derive(Clone, Debug, Default)]
 pub struct ShadowGeneration {
     rays: Generation,

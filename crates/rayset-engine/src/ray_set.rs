@@ -1,5 +1,6 @@
 //! Grows the intersection trees of a bundle of ray-sets, one generation at a time.
 
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use rayset_geometry::glam::DVec3;
@@ -39,6 +40,8 @@ pub struct RaySets {
     generation: Generation,
     next: Generation,
     shadow: ShadowGeneration,
+    /// What the rays of a slot refract: their place in the generation, their node, and the direction.
+    refracted: Vec<(usize, usize, DVec3)>,
     /// Where in the table of light states each shadow ray's answer goes.
     shadow_places: Vec<usize>,
     hits: Answers<Option<Hit>>,
@@ -144,17 +147,12 @@ impl RaySets {
         self.shadow_places.clear();
         self.next.clear();
         self.trees.lights.resize(self.trees.nodes.len() * self.trees.n_lights, LightState::FacesAway);
-        for i in 0..self.generation.len() {
-            let query = self.generation.query(i);
-            let tally = &mut self.counts[query.slot.kind()];
-            tally.cast += 1;
-            if let Some(hit) = self.hits.values[i] {
-                tally.hit += 1;
-                let surface = surface_at(scene, &query.ray, &hit);
-                self.trees.nodes[base + i].hit = Some((hit, surface));
-                self.push_shadow_rays(scene, &query, &hit, &surface, base + i);
-                self.push_children(scene, &query, &hit, &surface, base + i, options);
-            }
+        let mut start = 0;
+        while start < self.generation.len() {
+            let slots = &self.generation.slots()[start..];
+            let end = start + slots.iter().take_while(|slot| **slot == slots[0]).count();
+            self.grow_slot(scene, start..end, base, options);
+            start = end;
         }
         self.tally(first, false);
 
@@ -195,91 +193,139 @@ impl RaySets {
         }
     }
 
-    fn push_shadow_rays(
-        &mut self,
-        scene: &Scene,
-        query: &RayQuery,
-        hit: &Hit,
-        surface: &Surface,
-        node: usize,
-    ) {
-        for (i, light) in scene.lights().iter().enumerate() {
-            let Some(illumination) = light.seen_from(surface.point) else { continue };
+    /// Takes in the hits of the rays of one slot, and gathers what they spawn: light by light, then the reflected rays,
+    /// then the refracted, so that rays that correspond stand together.
+    fn grow_slot(&mut self, scene: &Scene, rays: Range<usize>, base: usize, options: &TreeOptions) {
+        let slot = self.generation.slots()[rays.start];
+        let mut n_hits = 0;
+        for i in rays.clone() {
+            if let Some(hit) = self.hits.values[i] {
+                n_hits += 1;
+                let surface = surface_at(scene, &self.generation.query(i).ray, &hit);
+                self.trees.nodes[base + i].hit = Some((hit, surface));
+            }
+        }
+        let tally = &mut self.counts[slot.kind()];
+        tally.cast += rays.len() as u64;
+        tally.hit += n_hits;
+        if n_hits == 0 {
+            return;
+        }
+        for light in (0..self.trees.n_lights).map(|i| LightId(index(i))) {
+            self.push_shadow_rays(scene, rays.clone(), base, light);
+        }
+        if slot.depth() < options.max_depth {
+            self.push_reflected(scene, rays, base, options);
+            self.push_refracted(scene, slot.refracted(), options);
+        }
+    }
+
+    /// The rays of a slot that ask for a light.
+    fn push_shadow_rays(&mut self, scene: &Scene, rays: Range<usize>, base: usize, light: LightId) {
+        for i in rays {
+            let Some((hit, surface)) = &self.trees.nodes[base + i].hit else { continue };
+            let Some(illumination) = scene.lights()[light.index()].seen_from(surface.point) else { continue };
             let direction = illumination.direction;
             // Light reaches a surface from the side of both normals, or not at all.
             if !(surface.normal.dot(direction) > 0.0 && surface.shading_normal.dot(direction) > 0.0) {
                 continue;
             }
+            let query = self.generation.query(i);
             let start = departure(scene, &query.ray);
             self.shadow.push(&ShadowQuery {
                 ray_set: query.ray_set,
                 slot: query.slot,
-                light: LightId(index(i)),
+                light,
                 originating: Originating { object: hit.object, primitive: hit.primitive, side: surface.side },
                 ray: Ray::new(surface.point, direction),
                 span: Span { start, end: illumination.distance - start },
             });
-            self.shadow_places.push(node * self.trees.n_lights + i);
+            self.shadow_places.push((base + i) * self.trees.n_lights + light.index());
         }
     }
 
-    fn push_children(
+    /// The rays that those of a slot reflect; leaves those that they refract in `self.refracted`.
+    fn push_reflected(&mut self, scene: &Scene, rays: Range<usize>, base: usize, options: &TreeOptions) {
+        self.refracted.clear();
+        for i in rays {
+            let Some((hit, surface)) = self.trees.nodes[base + i].hit else { continue };
+            let material = &scene.materials()[surface.material.index()];
+            if !material.is_reflective() {
+                continue;
+            }
+            let query = self.generation.query(i);
+            let incoming = query.ray.direction();
+            let mut share = material.reflectance;
+            if material.is_transmissive() {
+                if let Some(direction) = refract(incoming, &surface, material) {
+                    self.refracted.push((i, base + i, direction));
+                } else {
+                    self.trees.nodes[base + i].refracted = Branch::TotalReflection;
+                    share += material.transmittance;
+                }
+            }
+            let spawned = Spawned {
+                slot: query.slot.reflected(),
+                direction: reflect(incoming, &surface),
+                share,
+                side: surface.side,
+            };
+            self.trees.nodes[base + i].reflected =
+                self.spawn(scene, &query, base + i, &hit, surface.point, &spawned, options);
+        }
+    }
+
+    /// The rays of `self.refracted`.
+    fn push_refracted(&mut self, scene: &Scene, slot: Slot, options: &TreeOptions) {
+        let refracted = std::mem::take(&mut self.refracted);
+        for &(i, node, direction) in &refracted {
+            let Some((hit, surface)) = self.trees.nodes[node].hit else { continue };
+            let share = scene.materials()[surface.material.index()].transmittance;
+            let spawned = Spawned { slot, direction, share, side: surface.side.opposite() };
+            let query = self.generation.query(i);
+            self.trees.nodes[node].refracted =
+                self.spawn(scene, &query, node, &hit, surface.point, &spawned, options);
+        }
+        self.refracted = refracted;
+    }
+
+    /// Adds a ray to the next generation, if it is not cut off.
+    #[expect(clippy::too_many_arguments, reason = "where a ray comes from, and what it becomes")]
+    fn spawn(
         &mut self,
         scene: &Scene,
         query: &RayQuery,
+        parent: usize,
         hit: &Hit,
-        surface: &Surface,
-        node: usize,
+        point: DVec3,
+        &Spawned { slot, direction, share, side }: &Spawned,
         options: &TreeOptions,
-    ) {
-        let material = &scene.materials()[surface.material.index()];
-        if query.slot.depth() >= options.max_depth || !material.is_reflective() {
-            return;
+    ) -> Branch {
+        let Node { weight, ray_set, .. } = self.trees.nodes[parent];
+        let weight = weight * share.max_element();
+        if options.cutoff.is_some_and(|cutoff| weight < cutoff) {
+            return Branch::None;
         }
-        let (mut reflected_share, mut refracted) = (material.reflectance, None);
-        let mut total_reflection = false;
-        if material.is_transmissive() {
-            refracted = refract(query.ray.direction(), surface, material);
-            if refracted.is_none() {
-                total_reflection = true;
-                reflected_share += material.transmittance;
-            }
-        }
-        let weight = self.trees.nodes[node].weight;
-        let spawn = |sets: &mut Self, slot: Slot, direction: DVec3, share: DVec3, side: Side| {
-            let weight = weight * share.max_element();
-            if options.cutoff.is_some_and(|cutoff| weight < cutoff) {
-                return Branch::None;
-            }
-            let child = index(sets.trees.nodes.len());
-            let originating = Originating { object: hit.object, primitive: hit.primitive, side };
-            sets.next.push(&RayQuery {
-                ray_set: query.ray_set,
-                slot,
-                originating: Some(originating),
-                ray: Ray::new(surface.point, direction),
-                span: Span { start: departure(scene, &query.ray), end: f64::INFINITY },
-            });
-            let ray_set = sets.trees.nodes[node].ray_set;
-            sets.trees.nodes.push(self::node(ray_set, slot, direction, weight));
-            Branch::Node(child)
-        };
-        let direction = reflect(query.ray.direction(), surface);
-        let branch = spawn(self, query.slot.reflected(), direction, reflected_share, surface.side);
-        self.trees.nodes[node].reflected = branch;
-        let branch = match refracted {
-            Some(direction) => spawn(
-                self,
-                query.slot.refracted(),
-                direction,
-                material.transmittance,
-                surface.side.opposite(),
-            ),
-            None if total_reflection => Branch::TotalReflection,
-            None => Branch::None,
-        };
-        self.trees.nodes[node].refracted = branch;
+        let child = index(self.trees.nodes.len());
+        self.next.push(&RayQuery {
+            ray_set: query.ray_set,
+            slot,
+            originating: Some(Originating { object: hit.object, primitive: hit.primitive, side }),
+            ray: Ray::new(point, direction),
+            span: Span { start: departure(scene, &query.ray), end: f64::INFINITY },
+        });
+        self.trees.nodes.push(node(ray_set, slot, direction, weight));
+        Branch::Node(child)
     }
+}
+
+/// A ray that leaves a hit.
+struct Spawned {
+    slot: Slot,
+    direction: DVec3,
+    /// The share of the intensity of what it meets that the surface passes on.
+    share: DVec3,
+    side: Side,
 }
 
 fn node(ray_set: u32, slot: Slot, direction: DVec3, weight: f64) -> Node {
