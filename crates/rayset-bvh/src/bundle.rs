@@ -1,25 +1,25 @@
-//! Lists of rays: in packets as long as they stay together, one by one where they do not.
+//! Lists of rays: tiles of packets as long as they stay together, then packets, then one by one.
 //!
-//! Which it is, counters decide and never a clock: a packet that takes more steps than its rays would take alone is
-//! given up, and the next few are not even tried, the more of them the more often that happens. What a packet that is
-//! given up has found stays, since every hit is an upper bound.
+//! Which it is, counters decide and never a clock: a shaft that takes more steps than a share of what its rays would
+//! take alone is given up, and the next few are not even tried, the more of them the more often that happens. What was
+//! found until then stays, since every hit is an upper bound.
 
-use rayset_geometry::glam::DVec3;
-use rayset_geometry::{Departure, Ray, Side, Span};
-use rayset_simd::{Lanes, Simd};
+use std::ops::Range;
+
+use rayset_simd::{Lanes, Part, Simd};
 
 use crate::frame::Frame;
-use crate::hierarchy::{Hierarchy, Scratch, Wide, Width, ahead};
-use crate::node::Child;
-use crate::packet::{Packet, RayColumns};
+use crate::hierarchy::{Hierarchy, Scratch, Wide, Width};
+use crate::node::Tree;
+use crate::packet::{Packet, RayColumns, Shaft, level};
 use crate::shapes::Hit;
-use crate::together::{Exact, Found};
+use crate::together::{Exact, Hidden, Nearest, Progress, Question};
 
-/// What a packet may cost, in steps of one of its rays alone.
-const BUDGET: u64 = 8;
+/// What a shaft may cost a ray, as a share of the steps of a ray alone: two are a half.
+const BUDGET_SHARE: u64 = 2;
 /// Fewer rays than this are traced one by one.
 const LEAST_PACKET: usize = 4;
-/// After how many packets at most one is tried again.
+/// After how many shafts at most one is tried again.
 const LONGEST_WAIT: u32 = 64;
 /// What is taken for the steps of a ray before any was traced alone.
 const FIRST_STEPS: u64 = 8;
@@ -38,12 +38,19 @@ pub struct BundleScratch {
 /// How the rays of a class fared so far.
 #[derive(Clone, Copy, Debug)]
 struct Class {
-    /// How many packets are not tried.
+    tiles: Trial,
+    packets: Trial,
+    /// Steps and number of the rays traced alone.
+    alone: (u64, u64),
+}
+
+/// Whether a kind of shaft is worth trying.
+#[derive(Clone, Copy, Debug)]
+struct Trial {
+    /// How many are not tried.
     wait: u32,
     /// How many will not be tried after the next that is given up.
     next_wait: u32,
-    /// Steps and number of the rays traced alone.
-    alone: (u64, u64),
 }
 
 /// How many classes of rays are told apart, at most.
@@ -52,34 +59,39 @@ const N_CLASSES: usize = 64;
 /// How many rays each stage answered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bundled {
+    /// In tiles of packets.
+    pub tiles: u64,
     /// In packets.
-    pub together: u64,
-    /// Begun in packets that were given up, and ended one by one.
-    pub given_up: u64,
+    pub packets: u64,
     /// One by one.
     pub alone: u64,
 }
 
-impl Class {
-    /// Whether to try the next packet.
+impl Trial {
+    const NEW: Self = Self { wait: 1, next_wait: 1 };
+
+    /// Whether to try the next.
     fn is_due(&mut self) -> bool {
         self.wait = self.wait.saturating_sub(1);
         self.wait == 0
     }
 
-    fn succeed(&mut self) {
-        self.next_wait = (self.next_wait / 2).max(1);
-        self.wait = 1;
+    fn end(&mut self, is_done: bool) {
+        if is_done {
+            self.next_wait = (self.next_wait / 2).max(1);
+            self.wait = 1;
+        } else {
+            self.wait = self.next_wait;
+            self.next_wait = (2 * self.next_wait).min(LONGEST_WAIT);
+        }
     }
+}
 
-    fn give_up(&mut self) {
-        self.wait = self.next_wait;
-        self.next_wait = (2 * self.next_wait).min(LONGEST_WAIT);
-    }
-
-    fn budget(&self) -> u64 {
-        let (steps, rays) = self.alone;
-        BUDGET * steps.checked_div(rays).unwrap_or(FIRST_STEPS).max(1)
+impl Class {
+    /// How many steps a shaft of some rays may take.
+    fn budget(&self, rays: usize) -> u64 {
+        let (steps, alone) = self.alone;
+        rays as u64 * steps.checked_div(alone).unwrap_or(FIRST_STEPS).max(1) / BUDGET_SHARE
     }
 }
 
@@ -90,314 +102,356 @@ impl Hierarchy {
         BundleScratch {
             single: self.scratch(),
             bundled: Bundled::default(),
-            classes: [Class { wait: 1, next_wait: 1, alone: (0, 0) }; N_CLASSES],
+            classes: [Class { tiles: Trial::NEW, packets: Trial::NEW, alone: (0, 0) }; N_CLASSES],
         }
     }
 
-    /// The least hits of the rays whose indices are `members`, in a kernel that runs on the lanes the hierarchy was built
-    /// for; `left` are the primitives that all rays of the columns leave, and the answers go to the rays' places.
+    /// The least hits of some rays of a list, in a kernel that runs on the lanes the hierarchy was built for; the answers
+    /// go to the rays' places.
     ///
-    /// Rays that are near each other in `members` should be near each other in space. Whether packets pay is found out for
+    /// Rays that are near each other in the list should be near each other in space. Whether shafts pay is found out for
     /// each `class` of rays by itself; numbers that differ by 64 share one.
     ///
     /// # Panics
     ///
     /// If the lanes are others, a column is too short, or there is no such primitive.
     #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "rays, what they are traced with, and where the answers go"
-    )]
     pub fn nearest_bundle_on<S: Simd>(
         &self,
         simd: S,
         rays: &RayColumns<'_>,
-        left: &[Option<(u32, Side)>],
-        members: &[u32],
+        range: Range<usize>,
         class: usize,
         hits: &mut [Option<Hit>],
         scratch: &mut BundleScratch,
     ) {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.nearest_bundle(simd, &self.frame, rays, left, members, class, hits, scratch);
+                wide.bundle::<S, NearestHits<'_>>(simd, &self.frame, rays, range, class, NearestHits(hits), scratch);
             }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.nearest_bundle(simd, &self.frame, rays, left, members, class, hits, scratch);
+                wide.bundle::<S, NearestHits<'_>>(simd, &self.frame, rays, range, class, NearestHits(hits), scratch);
             }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
     }
 
-    /// Whether the rays whose indices are `members` hit anything: as [`Hierarchy::nearest_bundle_on`].
+    /// Whether some rays of a list hit anything: as [`Hierarchy::nearest_bundle_on`].
     ///
     /// # Panics
     ///
     /// If the lanes are others, a column is too short, or there is no such primitive.
     #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "rays, what they are traced with, and where the answers go"
-    )]
     pub fn occluded_bundle_on<S: Simd>(
         &self,
         simd: S,
         rays: &RayColumns<'_>,
-        left: &[Option<(u32, Side)>],
-        members: &[u32],
+        range: Range<usize>,
         class: usize,
         occluded: &mut [bool],
         scratch: &mut BundleScratch,
     ) {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.occluded_bundle(simd, &self.frame, rays, left, members, class, occluded, scratch);
+                wide.bundle::<S, Occluded<'_>>(simd, &self.frame, rays, range, class, Occluded(occluded), scratch);
             }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.occluded_bundle(simd, &self.frame, rays, left, members, class, occluded, scratch);
+                wide.bundle::<S, Occluded<'_>>(simd, &self.frame, rays, range, class, Occluded(occluded), scratch);
             }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
     }
 }
 
-impl RayColumns<'_> {
+/// Where the answers of a list go, and how rays are answered.
+trait List {
+    /// What a packet asks for.
+    type Asked<S: Simd, const W: usize>: Question<S, W>;
+
+    /// Takes over what a packet has found.
+    fn answer<S: Simd, const W: usize>(
+        &mut self,
+        simd: S,
+        exact: &Exact<'_, W>,
+        packet: &Packet<S, W>,
+        asked: Self::Asked<S, W>,
+    );
+
+    /// Traces a ray alone that is not answered yet; its place may hold an upper bound.
+    fn trace_alone<S: Simd, const W: usize>(
+        &mut self,
+        simd: S,
+        wide: &Wide<W>,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        ray: usize,
+        scratch: &mut Scratch,
+    );
+}
+
+/// Places of nearest hits, all without one at first.
+struct NearestHits<'a>(&'a mut [Option<Hit>]);
+
+impl List for NearestHits<'_> {
+    type Asked<S: Simd, const W: usize> = Nearest<S>;
+
     #[inline(always)]
-    fn ray(&self, i: usize) -> (Ray, Span) {
-        let at = |columns: &[&[f64]; 3]| DVec3::new(columns[0][i], columns[1][i], columns[2][i]);
-        let span = Span { start: self.spans.0[i], end: self.spans.1[i] };
-        (Ray::new(at(&self.origins), at(&self.directions)), ahead(span))
+    fn answer<S: Simd, const W: usize>(
+        &mut self,
+        simd: S,
+        exact: &Exact<'_, W>,
+        packet: &Packet<S, W>,
+        asked: Nearest<S>,
+    ) {
+        asked.finish(simd, exact, packet, &mut self.0[packet.first..packet.first + packet.len]);
+    }
+
+    #[inline(always)]
+    fn trace_alone<S: Simd, const W: usize>(
+        &mut self,
+        simd: S,
+        wide: &Wide<W>,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        i: usize,
+        scratch: &mut Scratch,
+    ) {
+        let (ray, span) = rays.ray(i);
+        self.0[i] = wide.nearest(simd, frame, &ray, span, rays.left(i), self.0[i], scratch);
     }
 }
 
-/// The rays of a packet, gathered.
-struct Gathered<const W: usize> {
-    rays: [Ray; W],
-    spans: [Span; W],
-    left: [Option<Departure>; W],
-    n: usize,
-}
+/// Places that say whether something is hit, all false at first.
+struct Occluded<'a>(&'a mut [bool]);
 
-impl<const W: usize> Gathered<W> {
+impl List for Occluded<'_> {
+    type Asked<S: Simd, const W: usize> = Hidden;
+
     #[inline(always)]
-    fn exact(&self) -> Exact<'_> {
-        Exact { rays: &self.rays[..self.n], spans: &self.spans[..self.n], left: &self.left[..self.n] }
+    fn answer<S: Simd, const W: usize>(
+        &mut self,
+        _: S,
+        _: &Exact<'_, W>,
+        packet: &Packet<S, W>,
+        asked: Hidden,
+    ) {
+        for lane in 0..packet.len {
+            self.0[packet.first + lane] = asked.0 >> lane & 1 == 1;
+        }
+    }
+
+    #[inline(always)]
+    fn trace_alone<S: Simd, const W: usize>(
+        &mut self,
+        simd: S,
+        wide: &Wide<W>,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        i: usize,
+        scratch: &mut Scratch,
+    ) {
+        if !self.0[i] {
+            let (ray, span) = rays.ray(i);
+            self.0[i] = wide.occluded(simd, frame, &ray, span, rays.left(i), scratch);
+        }
     }
 }
 
 impl<const W: usize> Wide<W> {
     #[inline(always)]
-    fn gather(&self, rays: &RayColumns<'_>, left: &[Option<(u32, Side)>], members: &[u32]) -> Gathered<W> {
-        let (first, span) = rays.ray(members[0] as usize);
-        let mut gathered = Gathered { rays: [first; W], spans: [span; W], left: [None; W], n: members.len() };
-        for (lane, &i) in members.iter().enumerate() {
-            (gathered.rays[lane], gathered.spans[lane]) = rays.ray(i as usize);
-            gathered.left[lane] = self.shapes.departure(left[i as usize]);
-        }
-        gathered
-    }
-
-    #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "rays, what they are traced with, and where the answers go"
-    )]
-    fn nearest_bundle<S: Simd>(
+    #[expect(clippy::too_many_arguments, reason = "rays, what they are traced with, and where the answers go")]
+    fn bundle<S: Simd, L: List>(
         &self,
         simd: S,
         frame: &Frame,
         rays: &RayColumns<'_>,
-        left: &[Option<(u32, Side)>],
-        members: &[u32],
+        range: Range<usize>,
         class: usize,
-        hits: &mut [Option<Hit>],
+        mut list: L,
         scratch: &mut BundleScratch,
     ) {
-        let (suits, class) = (self.shapes.suits_packets(), class % N_CLASSES);
-        for members in members.chunks(W) {
-            let mut known = [None; W];
-            if suits && members.len() >= LEAST_PACKET && scratch.classes[class].is_due() {
-                if self.nearest_together(simd, frame, rays, left, members, class, &mut known, scratch) {
-                    scratch.classes[class].succeed();
-                    scratch.bundled.together += members.len() as u64;
-                    for (&i, hit) in members.iter().zip(known) {
-                        hits[i as usize] = hit;
-                    }
-                    continue;
+        let class = class % N_CLASSES;
+        let suits = self.shapes.suits_packets();
+        let mut first = range.start;
+        while first < range.end {
+            let len = (range.end - first).min(W * W);
+            let is_answered = suits && len >= LEAST_PACKET && {
+                let Class { tiles, packets, .. } = &mut scratch.classes[class];
+                let (try_tile, try_packets) = (len > W && tiles.is_due(), packets.wait <= len.div_ceil(W) as u32);
+                if try_tile || try_packets {
+                    self.tile(simd, frame, rays, first, len, class, try_tile, &mut list, scratch);
+                    true
+                } else {
+                    packets.wait -= len.div_ceil(W) as u32;
+                    false
                 }
-                scratch.classes[class].give_up();
-                scratch.bundled.given_up += members.len() as u64;
-            } else {
-                scratch.bundled.alone += members.len() as u64;
+            };
+            if !is_answered {
+                self.alone(simd, frame, rays, first..first + len, class, &mut list, scratch);
             }
-            let before = scratch.single.steps;
-            for (&i, known) in members.iter().zip(known) {
-                let (ray, span) = rays.ray(i as usize);
-                hits[i as usize] =
-                    self.nearest(simd, frame, &ray, span, left[i as usize], known, &mut scratch.single);
-            }
-            let after = scratch.single.steps;
-            scratch.classes[class].alone.0 += after.nodes + after.leaves - before.nodes - before.leaves;
-            scratch.classes[class].alone.1 += members.len() as u64;
+            first += len;
         }
     }
 
-    /// Traces a packet; whether it came to an end. Either way `known` holds what was found.
+    /// Rays one by one.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "as above")]
-    fn nearest_together<S: Simd>(
+    fn alone<S: Simd, L: List>(
         &self,
         simd: S,
         frame: &Frame,
         rays: &RayColumns<'_>,
-        left: &[Option<(u32, Side)>],
-        members: &[u32],
+        range: Range<usize>,
         class: usize,
-        known: &mut [Option<Hit>; W],
+        list: &mut L,
         scratch: &mut BundleScratch,
-    ) -> bool {
-        let Some(packet) = Packet::new::<W>(simd, frame, rays, members) else { return false };
-        let gathered = self.gather(rays, left, members);
-        let exact = gathered.exact();
-        let mut found = Found::nothing(simd, &packet);
-        let budget = scratch.classes[class].budget();
-        let Scratch { stack, steps, primitive_tests } = &mut scratch.single;
-        let stack = stack.together.as_mut_slice();
-        let (mut height, mut spent) = (0, 0);
-        let mut reach = packet.reach(simd, found.ends);
-        let mut current = Child::node(0);
-        let is_done = loop {
-            spent += 1;
-            if current.is_leaf() {
-                steps.leaves += 1;
-                let (tests, is_new) =
-                    self.shapes.nearest_of_all(simd, current.index(), &packet, &exact, &mut found, reach);
-                spent += u64::from(tests);
-                *primitive_tests += u64::from(tests) * members.len() as u64;
-                if is_new {
-                    reach = packet.reach(simd, found.ends);
-                }
-            } else {
-                steps.nodes += 1;
-                height = packet.push_children(simd, &self.tree.nodes[current.index()], reach, stack, height);
+    ) {
+        let n = range.len() as u64;
+        let single = &mut scratch.single;
+        let before = single.steps;
+        simd.outline(Alone { wide: self, frame, rays, range, list, single });
+        let after = scratch.single.steps;
+        let (steps, alone) = &mut scratch.classes[class].alone;
+        *steps += after.nodes + after.leaves - before.nodes - before.leaves;
+        *alone += n;
+        scratch.bundled.alone += n;
+    }
+
+    /// Up to `W` packets: under one shaft, then each under its own, then ray by ray.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "as above")]
+    fn tile<S: Simd, L: List>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        first: usize,
+        len: usize,
+        class: usize,
+        try_tile: bool,
+        list: &mut L,
+        scratch: &mut BundleScratch,
+    ) {
+        let n = len.div_ceil(W);
+        let mut packets = Vec::with_capacity(W);
+        for p in 0..n {
+            packets.push(Packet::<S, W>::new(simd, frame, rays, first + p * W, (len - p * W).min(W)));
+        }
+        let Some(unit) = level(simd, frame, &mut packets) else {
+            self.alone(simd, frame, rays, first..first + len, class, list, scratch);
+            return;
+        };
+        let mut asked = [L::Asked::<S, W>::new(simd); W];
+        let exact = Exact { shapes: &self.shapes, frame, rays };
+        let mut is_done = false;
+        if try_tile {
+            if let Some(shaft) = Shaft::around(simd, &mut packets, unit) {
+                let budget = scratch.classes[class].budget(len);
+                let (packets, asked, scratch) = (&mut packets[..], &mut asked[..], &mut scratch.single);
+                let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
+                is_done = simd.outline(Descent { shaft, packets, asked, tree, exact, budget, scratch });
             }
-            while height > 0 && stack[height - 1].1 > reach {
+            scratch.classes[class].tiles.end(is_done);
+        }
+        if is_done {
+            scratch.bundled.tiles += len as u64;
+            for (packet, asked) in packets.iter().zip(asked) {
+                list.answer(simd, &exact, packet, asked);
+            }
+            return;
+        }
+        for (packet, asked) in packets.iter_mut().zip(&mut asked) {
+            let mut is_done = false;
+            if packet.len >= LEAST_PACKET && scratch.classes[class].packets.is_due() {
+                let packets = std::slice::from_mut(&mut *packet);
+                if let Some(shaft) = Shaft::around(simd, packets, unit) {
+                    let budget = scratch.classes[class].budget(packets[0].len);
+                    let (asked, scratch) = (std::slice::from_mut(&mut *asked), &mut scratch.single);
+                    let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
+                    is_done = simd.outline(Descent { shaft, packets, asked, tree, exact, budget, scratch });
+                }
+                scratch.classes[class].packets.end(is_done);
+            }
+            list.answer(simd, &exact, packet, *asked);
+            if is_done {
+                scratch.bundled.packets += packet.len as u64;
+            } else {
+                let range = packet.first..packet.first + packet.len;
+                self.alone(simd, frame, rays, range, class, list, scratch);
+            }
+        }
+    }
+}
+
+/// Rays that are traced one by one.
+struct Alone<'a, L, const W: usize> {
+    wide: &'a Wide<W>,
+    frame: &'a Frame,
+    rays: &'a RayColumns<'a>,
+    range: Range<usize>,
+    list: &'a mut L,
+    single: &'a mut Scratch,
+}
+
+impl<S: Simd, L: List, const W: usize> Part<S> for Alone<'_, L, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        let Self { wide, frame, rays, range, list, single } = self;
+        for i in range {
+            list.trace_alone(simd, wide, frame, rays, i, single);
+        }
+    }
+}
+
+/// Takes packets through the tree under one shaft; whether they came to an end.
+struct Descent<'a, S: Simd, Q, const W: usize> {
+    shaft: &'a Shaft<S>,
+    packets: &'a mut [Packet<S, W>],
+    asked: &'a mut [Q],
+    tree: &'a Tree<W>,
+    exact: &'a Exact<'a, W>,
+    /// How many steps it may take.
+    budget: u64,
+    scratch: &'a mut Scratch,
+}
+
+impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for Descent<'_, S, Q, W> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> bool {
+        let Self { shaft, packets, asked, tree, exact, budget, scratch } = self;
+        let Scratch { stack, steps, primitive_tests } = scratch;
+        let stack = stack.together.as_mut_slice();
+        let mut progress = Progress::new(simd, shaft, packets);
+        let (mut height, mut nodes, mut leaves) = (0, 0, 0);
+        let mut current = tree.root;
+        let is_done = loop {
+            if current.is_leaf() {
+                leaves += 1;
+                exact.shapes.ask(simd, current.index(), shaft, packets, asked, exact, &mut progress);
+            } else {
+                nodes += 1;
+                let node = &tree.nodes[current.index()];
+                height = shaft.push_children(simd, node, progress.reach, stack, height);
+            }
+            while height > 0 && stack[height - 1].1 > progress.reach {
                 height -= 1;
             }
             if height == 0 {
                 break true;
             }
-            if spent > budget {
+            if nodes + leaves + progress.shaft_tests + progress.packet_tests > budget {
                 break false;
             }
             height -= 1;
             current = stack[height].0;
         };
-        for (lane, known) in known.iter_mut().enumerate().take(members.len()) {
-            *known = self.shapes.finish(&exact, &mut found, lane);
-        }
+        steps.nodes += nodes + progress.shaft_tests;
+        steps.leaves += leaves;
+        *primitive_tests += progress.ray_tests;
         is_done
-    }
-
-    #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "as above")]
-    fn occluded_bundle<S: Simd>(
-        &self,
-        simd: S,
-        frame: &Frame,
-        rays: &RayColumns<'_>,
-        left: &[Option<(u32, Side)>],
-        members: &[u32],
-        class: usize,
-        occluded: &mut [bool],
-        scratch: &mut BundleScratch,
-    ) {
-        let (suits, class) = (self.shapes.suits_packets(), class % N_CLASSES);
-        for members in members.chunks(W) {
-            let mut hidden = 0;
-            if suits && members.len() >= LEAST_PACKET && scratch.classes[class].is_due() {
-                if self.occluded_together(simd, frame, rays, left, members, class, &mut hidden, scratch) {
-                    scratch.classes[class].succeed();
-                    scratch.bundled.together += members.len() as u64;
-                    for (lane, &i) in members.iter().enumerate() {
-                        occluded[i as usize] = hidden >> lane & 1 == 1;
-                    }
-                    continue;
-                }
-                scratch.classes[class].give_up();
-                scratch.bundled.given_up += members.len() as u64;
-            } else {
-                scratch.bundled.alone += members.len() as u64;
-            }
-            let before = scratch.single.steps;
-            for (lane, &i) in members.iter().enumerate() {
-                let (ray, span) = rays.ray(i as usize);
-                occluded[i as usize] = hidden >> lane & 1 == 1
-                    || self.occluded(simd, frame, &ray, span, left[i as usize], &mut scratch.single);
-            }
-            let after = scratch.single.steps;
-            scratch.classes[class].alone.0 += after.nodes + after.leaves - before.nodes - before.leaves;
-            scratch.classes[class].alone.1 += members.len() as u64;
-        }
-    }
-
-    /// Traces a packet; whether it came to an end. Either way those of `hidden` are hidden.
-    #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "as above")]
-    fn occluded_together<S: Simd>(
-        &self,
-        simd: S,
-        frame: &Frame,
-        rays: &RayColumns<'_>,
-        left: &[Option<(u32, Side)>],
-        members: &[u32],
-        class: usize,
-        hidden: &mut u32,
-        scratch: &mut BundleScratch,
-    ) -> bool {
-        let Some(mut packet) = Packet::new::<W>(simd, frame, rays, members) else { return false };
-        let gathered = self.gather(rays, left, members);
-        let exact = gathered.exact();
-        let all = u32::MAX >> (32 - members.len());
-        let budget = scratch.classes[class].budget();
-        let Scratch { stack, steps, primitive_tests } = &mut scratch.single;
-        let stack = stack.together.as_mut_slice();
-        let (mut height, mut spent) = (0, 0);
-        let mut reach = packet.reach(simd, packet.end);
-        let mut current = Child::node(0);
-        loop {
-            spent += 1;
-            if current.is_leaf() {
-                steps.leaves += 1;
-                let open = all & !*hidden;
-                let (tests, more) =
-                    self.shapes.hidden_of_all(simd, current.index(), &packet, &exact, open, reach);
-                spent += u64::from(tests);
-                *primitive_tests += u64::from(tests) * members.len() as u64;
-                if more != 0 {
-                    *hidden |= more;
-                    if *hidden == all {
-                        return true;
-                    }
-                    // A ray that is answered asks for nothing more.
-                    packet.end = simd.splat_f32(-1e30).select(simd.mask_f32(more), packet.end);
-                    reach = packet.reach(simd, packet.end);
-                }
-            } else {
-                steps.nodes += 1;
-                height = packet.push_children(simd, &self.tree.nodes[current.index()], reach, stack, height);
-            }
-            while height > 0 && stack[height - 1].1 > reach {
-                height -= 1;
-            }
-            if height == 0 {
-                return true;
-            }
-            if spent > budget {
-                return false;
-            }
-            height -= 1;
-            current = stack[height].0;
-        }
     }
 }

@@ -164,6 +164,17 @@ impl<const W: usize> SphereBlock<W> {
         )
     }
 
+    /// The box of a sphere.
+    #[inline(always)]
+    pub(crate) fn bounds(&self, lane: usize) -> [[f32; 3]; 2] {
+        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+        for k in 0..3 {
+            low[k] = self.center[k][lane] - self.radius[lane];
+            high[k] = self.center[k][lane] + self.radius[lane];
+        }
+        [low, high]
+    }
+
     /// A sphere, the same in every lane: centre and radius.
     #[inline(always)]
     pub(crate) fn one<S: Simd>(&self, simd: S, lane: usize) -> ([S::F32; 3], S::F32) {
@@ -323,6 +334,18 @@ pub(crate) fn triangle<S: Simd>(
 }
 
 impl<const W: usize> TriangleBlock<W> {
+    /// The box of a triangle.
+    #[inline(always)]
+    pub(crate) fn bounds(&self, lane: usize) -> [[f32; 3]; 2] {
+        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+        for k in 0..3 {
+            let [a, b, c] = [self.vertices[k][lane], self.vertices[3 + k][lane], self.vertices[6 + k][lane]];
+            low[k] = a.min(b).min(c);
+            high[k] = a.max(b).max(c);
+        }
+        [low, high]
+    }
+
     /// A triangle's vertices, the same in every lane.
     #[inline(always)]
     pub(crate) fn one<S: Simd>(&self, simd: S, lane: usize, axes: [usize; 3]) -> [[S::F32; 3]; 3] {

@@ -1,15 +1,19 @@
-//! As many rays as there are lanes, traced together while they stay together.
+//! As many rays as there are lanes, and the shafts that hold one or several such packets.
 //!
-//! One shaft holds all rays of a packet: the tree is traversed once, a node's boxes are tested against the shaft in
-//! one go, and so are the primitives of a leaf; what is left is tested against all rays at a time. It is the paper's
-//! cylinder once more, built once for a packet and good for every box of the tree.
+//! A shaft holds all rays of its packets: the tree is traversed once, a node's boxes are tested against the shaft in one
+//! go, and so are the primitives of a leaf. A primitive that the shaft meets is tested against the shafts of all its
+//! packets in one go, and where it meets one, against all rays of that packet at a time. It is the paper's cylinder once
+//! more, built once for many rays and good for every box of the tree.
 //!
 //! Source: Reshetov, Soupikov and Hurley 2005, "Multi-level ray tracing algorithm", for traversal by a frustum; the
 //! form with one dominant axis is that of Boulos, Wald and Benthin 2008, "Adaptive ray packet reordering".
 
+use rayset_geometry::glam::DVec3;
+use rayset_geometry::{Ray, Side, Span};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::frame::{Frame, round_down, round_up};
+use crate::hierarchy::ahead;
 use crate::node::{Child, Node};
 use crate::ray::{HIT_MARGIN, SINGLE};
 
@@ -17,12 +21,18 @@ use crate::ray::{HIT_MARGIN, SINGLE};
 const FAR: f32 = 4.0;
 /// How much of a direction must go along the common axis.
 const LEAST_ALONG: f32 = 0.2;
-/// Where the shaft's far plane lies: beyond the scene.
-const FAR_PLANE: f32 = 2.0;
+/// A plane across the axis beyond the scene.
+const BEYOND: f32 = 2.0;
+/// How long a shaft is at least.
+const LEAST_LENGTH: f32 = 0.5;
 /// How far the shaft's lines are moved outwards, in units of a coordinate's rounding: for the line, and for its slope.
 pub const SHAFT_MARGIN: [f32; 2] = [160.0, 40.0];
+/// Where a lane without a ray ends, and one that asks for nothing more.
+const NOWHERE: f32 = -1e30;
+/// Leaves no primitive.
+const NOBODY: u32 = u32::MAX;
 
-/// Rays as columns, of which a packet takes some.
+/// Rays as columns, of which packets take some.
 #[derive(Clone, Copy, Debug)]
 pub struct RayColumns<'a> {
     /// The x, y and z of the origins, in world space.
@@ -31,187 +41,311 @@ pub struct RayColumns<'a> {
     pub directions: [&'a [f64]; 3],
     /// Where each span starts and ends, in world units.
     pub spans: (&'a [f64], &'a [f64]),
+    /// The primitive that each ray leaves, and into which of its sides; empty if none leaves any.
+    pub left: &'a [Option<(u32, Side)>],
 }
 
-/// A line in the plane of the common axis and another: `a + b z`, with `z` at the end of a box that is the worse.
+impl RayColumns<'_> {
+    #[inline(always)]
+    pub(crate) fn ray(&self, i: usize) -> (Ray, Span) {
+        let at = |columns: &[&[f64]; 3]| DVec3::new(columns[0][i], columns[1][i], columns[2][i]);
+        let span = Span { start: self.spans.0[i], end: self.spans.1[i] };
+        (Ray::new(at(&self.origins), at(&self.directions)), ahead(span))
+    }
+
+    #[inline(always)]
+    pub(crate) fn left(&self, i: usize) -> Option<(u32, Side)> {
+        self.left.get(i).copied().flatten()
+    }
+}
+
+/// Rays in culling space, a lane each.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Packet<S: Simd, const W: usize> {
+    /// Where its rays begin in the columns, and how many there are.
+    pub(crate) first: usize,
+    pub(crate) len: usize,
+    pub(crate) origin: [S::F32; 3],
+    pub(crate) direction: [S::F32; 3],
+    /// The shear along the axis of a shaft: `d_x / d_z`, `d_y / d_z` and `1 / d_z`.
+    pub(crate) factors: [S::F32; 3],
+    /// The spans, outwards and inwards; lanes without a ray have none.
+    pub(crate) start: S::F32,
+    pub(crate) start_above: S::F32,
+    pub(crate) end_below: S::F32,
+    /// What is still to be found lies before these.
+    pub(crate) ends: S::F32,
+    /// What each ray leaves, and the lanes that leave it into its front.
+    left: [u32; W],
+    left_front: u32,
+    leaves: bool,
+}
+
+/// The first values from `first` on, one a lane; where fewer are left, the last again.
+#[inline(always)]
+fn narrow<S: Simd, const W: usize>(
+    simd: S,
+    column: &[f64],
+    first: usize,
+    len: usize,
+    offset: f64,
+    scale: f64,
+) -> S::F32 {
+    if let Some(values) = column.get(first..first + W)
+        && len == W
+    {
+        return simd.narrow_f32(values, offset, scale);
+    }
+    let mut values = [column[first + len - 1]; W];
+    values[..len].copy_from_slice(&column[first..first + len]);
+    simd.narrow_f32(&values, offset, scale)
+}
+
+impl<S: Simd, const W: usize> Packet<S, W> {
+    /// The rays of columns from `first` on: 1 to `W` of them.
+    #[inline(always)]
+    pub(crate) fn new(simd: S, frame: &Frame, rays: &RayColumns<'_>, first: usize, len: usize) -> Self {
+        let zero = simd.splat_f32(0.0);
+        let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
+        for k in 0..3 {
+            origin[k] = narrow::<S, W>(simd, rays.origins[k], first, len, frame.center[k], frame.scale);
+            direction[k] = narrow::<S, W>(simd, rays.directions[k], first, len, 0.0, 1.0);
+        }
+        let starts = narrow::<S, W>(simd, rays.spans.0, first, len, 0.0, frame.scale).max(zero);
+        let ends = narrow::<S, W>(simd, rays.spans.1, first, len, 0.0, frame.scale);
+        let is_ray = simd.mask_f32(u32::MAX >> (32 - len));
+        let (mut left, mut left_front) = ([NOBODY; W], 0);
+        let leaves = !rays.left.is_empty();
+        if leaves {
+            for (lane, departure) in rays.left[first..first + len].iter().enumerate() {
+                if let Some((primitive, side)) = *departure {
+                    left[lane] = primitive;
+                    left_front |= u32::from(side == Side::Front) << lane;
+                }
+            }
+        }
+        Self {
+            first,
+            len,
+            origin,
+            direction,
+            factors: [zero; 3],
+            start: starts,
+            start_above: starts,
+            end_below: ends,
+            ends: ends.min(simd.splat_f32(1e30)).select(is_ray, simd.splat_f32(NOWHERE)),
+            left,
+            left_front,
+            leaves,
+        }
+    }
+
+    /// The largest coordinate of each origin.
+    #[inline(always)]
+    fn sizes(&self) -> S::F32 {
+        self.origin[0].abs().max(self.origin[1].abs()).max(self.origin[2].abs())
+    }
+
+    /// Rounds the spans outwards and inwards.
+    #[inline(always)]
+    fn widen(&mut self, simd: S, unit: f32) {
+        let (rounding, slack) = (simd.splat_f32(1.0 / 4_194_304.0), simd.splat_f32(unit));
+        let start_slack = self.start.abs() * rounding + slack;
+        self.start_above = self.start + start_slack;
+        self.start = self.start - start_slack;
+        let end_slack = self.ends.abs() * rounding + slack;
+        self.end_below = self.end_below - end_slack;
+        self.ends = self.ends + end_slack;
+    }
+
+    /// The lanes that leave a primitive, as far as they may not hit its front, and not its back.
+    #[inline(always)]
+    pub(crate) fn leaving(&self, simd: S, primitive: u32) -> (u32, u32) {
+        if !self.leaves {
+            return (0, 0);
+        }
+        let lanes = simd.equal_u32(&self.left, primitive).bits();
+        (lanes, lanes & self.left_front)
+    }
+
+    /// Whether a lane leaves a primitive, and whether into its front.
+    #[inline(always)]
+    pub(crate) fn leaves_from(&self, lane: usize, primitive: u32) -> (bool, bool) {
+        let leaves = self.left[lane] == primitive;
+        (leaves, leaves && self.left_front >> lane & 1 == 1)
+    }
+
+    /// The lanes that are answered ask for nothing more.
+    #[inline(always)]
+    pub(crate) fn close(&mut self, simd: S, lanes: u32) {
+        self.ends = simd.splat_f32(NOWHERE).select(simd.mask_f32(lanes), self.ends);
+    }
+}
+
+/// Brings packets to the same rounding; `None` if an origin is far off.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
+pub(crate) fn level<S: Simd, const W: usize>(
+    simd: S,
+    frame: &Frame,
+    packets: &mut [Packet<S, W>],
+) -> Option<f32> {
+    let mut sizes = simd.splat_f32(0.0);
+    for packet in packets.iter() {
+        sizes = sizes.max(packet.sizes());
+    }
+    let size = sizes.greatest();
+    let hit_slack = HIT_MARGIN * (2.0 * (f64::from(size) + frame.remoteness) + 1.0);
+    if !(size <= FAR && hit_slack < 1e-3) {
+        return None;
+    }
+    let unit = (f64::from(1.0 + size) * SINGLE + hit_slack) as f32;
+    for packet in packets {
+        packet.widen(simd, unit);
+    }
+    Some(unit)
+}
+
+/// A line in the plane of the common axis and another: `at + slope z`.
 #[derive(Clone, Copy, Debug)]
 struct Line<S: Simd> {
     at: S::F32,
     slope: S::F32,
-    /// Which of a node's planes `z` is.
-    plane: usize,
 }
 
-impl<S: Simd> Line<S> {
-    /// The line through two points `[z, x]`, moved outwards: up (1) or down (-1).
-    #[inline(always)]
-    fn through(simd: S, from: [f32; 2], to: [f32; 2], axis: usize, outwards: f32, unit: f32) -> Self {
-        let slope = (to[1] - from[1]) / (to[0] - from[0]);
-        let slack = unit * (SHAFT_MARGIN[0] + SHAFT_MARGIN[1] * slope.abs());
-        let at = from[1] - slope * from[0] + outwards * slack;
-        // The upper line is highest where z is largest if it rises; the lower one lowest where z is least.
-        let plane = if (slope > 0.0) == (outwards > 0.0) { 3 + axis } else { axis };
-        Self { at: simd.splat_f32(at), slope: simd.splat_f32(slope), plane }
-    }
+/// The lines through pairs of points at two planes, moved outwards: up (1) or down (-1).
+#[inline(always)]
+fn through<S: Simd>(
+    simd: S,
+    [near, far]: [f32; 2],
+    at_near: S::F32,
+    at_far: S::F32,
+    outwards: f32,
+    unit: f32,
+) -> Line<S> {
+    let slope = (at_far - at_near) * simd.splat_f32(1.0 / (far - near));
+    let [fixed, steep] = SHAFT_MARGIN;
+    let slack = slope.abs().mul_add(simd.splat_f32(outwards * unit * steep), simd.splat_f32(outwards * unit * fixed));
+    Line { at: at_near - slope * simd.splat_f32(near) + slack, slope }
 }
 
-/// Rays in culling space, a lane each, and the shaft that holds them.
+/// What holds all rays of some packets, and of each packet by itself.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Packet<S: Simd> {
-    pub(crate) origin: [S::F32; 3],
-    pub(crate) direction: [S::F32; 3],
-    /// The spans, outwards and inwards; lanes without a ray have none.
-    pub(crate) start: S::F32,
-    pub(crate) start_above: S::F32,
-    pub(crate) end: S::F32,
-    pub(crate) end_below: S::F32,
-    /// The rounding of a coordinate, of the worst ray.
-    pub(crate) unit: f32,
+pub(crate) struct Shaft<S: Simd> {
     /// Which axes play x, y and z, as in a shear.
     pub(crate) axes: [usize; 3],
-    /// The shear: `d_x / d_z`, `d_y / d_z` and `1 / d_z`.
-    pub(crate) factors: [S::F32; 3],
-    /// World units to units of culling space.
-    scale: f64,
+    /// The rounding of a coordinate, of the worst ray.
+    pub(crate) unit: f32,
     /// 1 if the rays go up the axis, else -1.
     towards: f32,
     /// Where the rays begin along the axis, times `towards`.
     first: f32,
-    /// Above and below, for the x and y of the shear.
+    /// Above and below, for the x and y of the shear; and at which of a box's ends along the axis each is the worse.
     lines: [[Line<S>; 2]; 2],
+    worse: [[usize; 2]; 2],
+    /// The same lines of each packet, a lane each.
+    of_each: [[Line<S>; 2]; 2],
 }
 
-impl<S: Simd> Packet<S> {
-    /// The rays of a list whose indices are `members`; `None` if no shaft holds them, or one starts far off.
-    ///
-    /// `W` is the number of lanes; there are 1 to `W` members.
+impl<S: Simd> Shaft<S> {
+    /// The shaft of packets of the same rounding, whose factors it sets; `None` if none holds them.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
-    pub(crate) fn new<const W: usize>(
+    pub(crate) fn around<const W: usize>(
         simd: S,
-        frame: &Frame,
-        rays: &RayColumns<'_>,
-        members: &[u32],
+        packets: &mut [Packet<S, W>],
+        unit: f32,
     ) -> Option<Self> {
-        let mut numbers = [0_usize; W];
-        for (lane, number) in numbers.iter_mut().enumerate() {
-            *number = members[lane.min(members.len() - 1)] as usize;
+        // The axis along which the first, a middle and the last ray go most.
+        let (start, middle, end) = (&packets[0], &packets[packets.len() / 2], &packets[packets.len() - 1]);
+        let mut sums = [0.0_f32; 3];
+        for (k, sum) in sums.iter_mut().enumerate() {
+            let (mut a, mut b, mut c) = ([0.0; W], [0.0; W], [0.0; W]);
+            start.direction[k].store(&mut a);
+            middle.direction[k].store(&mut b);
+            end.direction[k].store(&mut c);
+            *sum = a[0] + b[W / 2] + c[W - 1];
         }
-        let zero = simd.splat_f32(0.0);
-        let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
-        let mut size = zero;
-        for k in 0..3 {
-            let (center, scale) = (frame.center[k], frame.scale);
-            let (mut o, mut d) = ([0.0_f32; W], [0.0_f32; W]);
-            for lane in 0..W {
-                o[lane] = ((rays.origins[k][numbers[lane]] - center) * scale) as f32;
-                d[lane] = rays.directions[k][numbers[lane]] as f32;
-            }
-            origin[k] = simd.load_f32(&o);
-            direction[k] = simd.load_f32(&d);
-            size = size.max(origin[k].abs());
-        }
-        let size = size.greatest();
-        let center = frame.center.abs().max_element() * frame.scale;
-        let hit_slack = HIT_MARGIN * (2.0 * (f64::from(size) + center) + 1.0);
-        if !(size <= FAR && hit_slack < 1e-3) {
-            return None;
-        }
-        let unit = (f64::from(1.0 + size) * SINGLE + hit_slack) as f32;
-
-        // The axis along which the first, the middle and the last ray go most.
-        let mut d = [[0.0; W]; 3];
-        for k in 0..3 {
-            direction[k].store(&mut d[k]);
-        }
-        let sum = |k: usize| d[k][0] + d[k][W / 2] + d[k][W - 1];
-        let sums = [sum(0), sum(1), sum(2)];
         let mut z = usize::from(sums[1].abs() > sums[0].abs());
         if sums[2].abs() > sums[z].abs() {
             z = 2;
         }
         let towards = if sums[z] < 0.0 { -1.0_f32 } else { 1.0 };
-        let signed = simd.splat_f32(towards);
-        let all = u32::MAX >> (32 - W);
-        if (direction[z] * signed).ge(simd.splat_f32(LEAST_ALONG)).bits() != all {
-            return None;
-        }
-        let along = origin[z] * signed;
-        let first = along.least();
-        if FAR_PLANE - first < 0.5 {
-            return None;
-        }
         // A mirrored axis would turn triangles round.
         let (x, y) = if towards < 0.0 { ((z + 2) % 3, (z + 1) % 3) } else { ((z + 1) % 3, (z + 2) % 3) };
-        let inverse = simd.splat_f32(1.0) / direction[z];
-        let factors = [direction[x] * inverse, direction[y] * inverse, inverse];
-
-        let (near, far) = (towards * first, towards * FAR_PLANE);
-        let (to_near, to_far) = (simd.splat_f32(near) - origin[z], simd.splat_f32(far) - origin[z]);
-        let mut lines = [[Line { at: zero, slope: zero, plane: 0 }; 2]; 2];
-        for (side, axis) in [x, y].into_iter().enumerate() {
-            let at_near = to_near.mul_add(factors[side], origin[axis]);
-            let at_far = to_far.mul_add(factors[side], origin[axis]);
-            lines[side] = [
-                Line::through(simd, [near, at_near.greatest()], [far, at_far.greatest()], z, 1.0, unit),
-                Line::through(simd, [near, at_near.least()], [far, at_far.least()], z, -1.0, unit),
-            ];
+        let signed = simd.splat_f32(towards);
+        let mut alongs = simd.splat_f32(1.0);
+        let mut firsts = simd.splat_f32(BEYOND);
+        let mut reaches = simd.splat_f32(-BEYOND);
+        for packet in packets.iter() {
+            let along = packet.direction[z] * signed;
+            let origin = packet.origin[z] * signed;
+            alongs = alongs.min(along);
+            firsts = firsts.min(origin);
+            reaches = reaches.max(packet.ends.mul_add(along, origin));
         }
-
-        let (mut starts, mut ends) = ([0.0_f32; W], [0.0_f32; W]);
-        for lane in 0..W {
-            starts[lane] = (rays.spans.0[numbers[lane]] * frame.scale) as f32;
-            ends[lane] = (rays.spans.1[numbers[lane]] * frame.scale) as f32;
+        let first = firsts.least();
+        if !(alongs.least() >= LEAST_ALONG && BEYOND - first >= LEAST_LENGTH) {
+            return None;
         }
-        let (starts, ends) =
-            (simd.load_f32(&starts).max(zero), simd.load_f32(&ends).min(simd.splat_f32(1e30)));
-        let rounding = simd.splat_f32(1.0 / 4_194_304.0);
-        let slack = simd.splat_f32(unit);
-        let (start_slack, end_slack) = (starts.abs() * rounding + slack, ends.abs() * rounding + slack);
-        let is_ray = simd.mask_f32(u32::MAX >> (32 - members.len()));
-        let nowhere = simd.splat_f32(-1e30);
+        // Beyond the farthest end no line is needed.
+        let last = reaches.greatest() + SHAFT_MARGIN[0] * unit;
+        let last = last.min(BEYOND).max(first + LEAST_LENGTH);
+        let (near, far) = (towards * first, towards * last);
+        let one = simd.splat_f32(1.0);
+        // Least and greatest, of x and y, near and far, of each packet; unused lanes are as the first.
+        let mut extremes = [[[[0.0_f32; W]; 2]; 2]; 2];
+        for (p, packet) in packets.iter_mut().enumerate() {
+            let inverse = one / packet.direction[z];
+            packet.factors = [packet.direction[x] * inverse, packet.direction[y] * inverse, inverse];
+            for (end, plane) in [near, far].into_iter().enumerate() {
+                let depth = simd.splat_f32(plane) - packet.origin[z];
+                for (side, axis) in [x, y].into_iter().enumerate() {
+                    let at = depth.mul_add(packet.factors[side], packet.origin[axis]);
+                    extremes[side][end][0][p] = at.greatest();
+                    extremes[side][end][1][p] = at.least();
+                }
+            }
+        }
+        for lanes in extremes.as_flattened_mut().as_flattened_mut() {
+            let value = lanes[0];
+            lanes[packets.len()..].fill(value);
+        }
+        let none = Line { at: one, slope: one };
+        let (mut lines, mut of_each, mut worse) = ([[none; 2]; 2], [[none; 2]; 2], [[0; 2]; 2]);
+        for side in 0..2 {
+            for (i, outwards) in [1.0, -1.0].into_iter().enumerate() {
+                let at_near = simd.load_f32(&extremes[side][0][i]);
+                let at_far = simd.load_f32(&extremes[side][1][i]);
+                of_each[side][i] = through(simd, [near, far], at_near, at_far, outwards, unit);
+                let (n, f) = if i == 0 {
+                    (at_near.greatest(), at_far.greatest())
+                } else {
+                    (at_near.least(), at_far.least())
+                };
+                let line = through(simd, [near, far], simd.splat_f32(n), simd.splat_f32(f), outwards, unit);
+                // The upper line is highest where z is largest if it rises; the lower one lowest where z is least.
+                let rises = (f - n) * (far - near) * outwards > 0.0;
+                worse[side][i] = if rises { 3 + z } else { z };
+                lines[side][i] = line;
+            }
+        }
         Some(Self {
-            origin,
-            direction,
-            start: starts - start_slack,
-            start_above: starts + start_slack,
-            end: (ends + end_slack).select(is_ray, nowhere),
-            end_below: ends - end_slack,
-            unit,
             axes: [x, y, z],
-            factors,
-            scale: frame.scale,
+            unit,
             towards,
             first: first - SHAFT_MARGIN[0] * unit,
             lines,
+            worse,
+            of_each,
         })
     }
 
-    /// A vertex that is the same in every lane, sheared along each ray.
+    /// How far along the axis any ray of a packet may still find something, times the sense of the axis.
     #[inline(always)]
-    pub(crate) fn shear(&self, [vx, vy, vz]: [S::F32; 3]) -> [S::F32; 3] {
-        let [x, y, z] = self.axes;
-        let [sx, sy, _] = self.factors;
-        let depth = vz - self.origin[z];
-        [(vx - self.origin[x]) - sx * depth, (vy - self.origin[y]) - sy * depth, depth]
-    }
-
-    /// A distance in culling space that is not below, or not above, `t` in world units.
-    #[inline(always)]
-    pub(crate) fn above(&self, t: f64) -> f32 {
-        round_up(t * self.scale)
-    }
-    #[inline(always)]
-    pub(crate) fn below(&self, t: f64) -> f32 {
-        round_down(t * self.scale)
-    }
-
-    /// How far along the axis any ray may still find something, times `towards`.
-    #[inline(always)]
-    pub(crate) fn reach(&self, simd: S, ends: S::F32) -> f32 {
+    pub(crate) fn reach<const W: usize>(&self, simd: S, packet: &Packet<S, W>) -> f32 {
         let z = self.axes[2];
-        let deepest = ends.mul_add(self.direction[z], self.origin[z]) * simd.splat_f32(self.towards);
-        (deepest.greatest() + SHAFT_MARGIN[0] * self.unit).min(FAR_PLANE)
+        let deepest = packet.ends.mul_add(packet.direction[z], packet.origin[z]) * simd.splat_f32(self.towards);
+        (deepest.greatest() + SHAFT_MARGIN[0] * self.unit).min(BEYOND)
     }
 
     /// Which of several boxes the shaft meets, and how far along the axis each begins.
@@ -223,15 +357,35 @@ impl<S: Simd> Packet<S> {
         let begin = planes.plane(simd, near) * towards;
         let end = planes.plane(simd, far) * towards;
         let mut met = end.ge(simd.splat_f32(self.first)) & begin.le(simd.splat_f32(reach));
-        let [above, below] = &self.lines[0];
-        met = met & planes.plane(simd, x).le(planes.plane(simd, above.plane).mul_add(above.slope, above.at));
-        met = met
-            & planes.plane(simd, 3 + x).ge(planes.plane(simd, below.plane).mul_add(below.slope, below.at));
-        let [above, below] = &self.lines[1];
-        met = met & planes.plane(simd, y).le(planes.plane(simd, above.plane).mul_add(above.slope, above.at));
-        met = met
-            & planes.plane(simd, 3 + y).ge(planes.plane(simd, below.plane).mul_add(below.slope, below.at));
+        for (side, axis) in [x, y].into_iter().enumerate() {
+            let [above, below] = &self.lines[side];
+            let [at_above, at_below] = self.worse[side];
+            let above = planes.plane(simd, at_above).mul_add(above.slope, above.at);
+            let below = planes.plane(simd, at_below).mul_add(below.slope, below.at);
+            met = met & planes.plane(simd, axis).le(above) & planes.plane(simd, 3 + axis).ge(below);
+        }
         (met, begin)
+    }
+
+    /// Which packets may meet a box, of those that still reach it.
+    #[inline(always)]
+    pub(crate) fn packets_that_meet<const W: usize>(
+        &self,
+        simd: S,
+        [low, high]: [[f32; 3]; 2],
+        reaches: &[f32; W],
+    ) -> u32 {
+        let [x, y, z] = self.axes;
+        let begin = if self.towards > 0.0 { low[z] } else { -high[z] };
+        let mut met = simd.splat_f32(begin).le(simd.load_f32(reaches));
+        let (lower, upper) = (simd.splat_f32(low[z]), simd.splat_f32(high[z]));
+        for (side, axis) in [x, y].into_iter().enumerate() {
+            let [above, below] = &self.of_each[side];
+            let top = (lower * above.slope).max(upper * above.slope) + above.at;
+            let bottom = (lower * below.slope).min(upper * below.slope) + below.at;
+            met = met & simd.splat_f32(low[axis]).le(top) & simd.splat_f32(high[axis]).ge(bottom);
+        }
+        met.bits()
     }
 
     /// The children of a node that the shaft meets, pushed so that the nearest comes last; returns the new height.
@@ -254,7 +408,7 @@ impl<S: Simd> Packet<S> {
         let base = height;
         let mut height = height;
         while bits != 0 {
-            let lane = bits.trailing_zeros() as usize;
+            let lane = bits.trailing_zeros() as usize % W;
             bits &= bits - 1;
             let entry = (Child(node.children[lane]), begins[lane]);
             let mut place = height;
@@ -273,6 +427,29 @@ impl<S: Simd> Packet<S> {
     pub(crate) fn candidates(&self, simd: S, block: &impl Planes<S>, reach: f32) -> u32 {
         self.meets(simd, block, reach).0.bits()
     }
+
+    /// A vertex that is the same in every lane, sheared along each ray of a packet.
+    #[inline(always)]
+    pub(crate) fn shear<const W: usize>(
+        &self,
+        packet: &Packet<S, W>,
+        [vx, vy, vz]: [S::F32; 3],
+    ) -> [S::F32; 3] {
+        let [x, y, z] = self.axes;
+        let [sx, sy, _] = packet.factors;
+        let depth = vz - packet.origin[z];
+        [(vx - packet.origin[x]) - sx * depth, (vy - packet.origin[y]) - sy * depth, depth]
+    }
+}
+
+/// A distance in culling space that is not below, or not above, `t` in world units.
+#[inline(always)]
+pub(crate) fn above(frame: &Frame, t: f64) -> f32 {
+    round_up(t * frame.scale)
+}
+#[inline(always)]
+pub(crate) fn below(frame: &Frame, t: f64) -> f32 {
+    round_down(t * frame.scale)
 }
 
 /// Boxes in lanes, by their six planes: lower x, y, z, then upper.

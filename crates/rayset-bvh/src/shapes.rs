@@ -384,6 +384,17 @@ impl<const W: usize> Shapes<W> {
         &self.triangle_blocks[run.block as usize]
     }
 
+    #[inline(always)]
+    pub(crate) fn sphere(&self, index: u32) -> &Sphere {
+        &self.spheres[index as usize]
+    }
+
+    /// The number of the primitive at a place of a run.
+    #[inline(always)]
+    pub(crate) fn number(&self, run: &Run, place: u32) -> u32 {
+        self.numbers[run.kind as usize][(run.first + place) as usize]
+    }
+
     /// What a ray leaves, by its place.
     #[inline(always)]
     pub(crate) fn departure(&self, from: Option<(u32, Side)>) -> Option<Departure> {

@@ -1,10 +1,11 @@
-//! The leaves of a packet: one primitive against all rays.
+//! What packets ask for, and the leaves that answer: one primitive against all rays of a packet.
 
-use rayset_geometry::{Departure, PrimitiveKind, Ray, Side, Sides, Span};
+use rayset_geometry::{PrimitiveKind, RayLanes, Sides, Sphere};
 use rayset_simd::{LaneMask, Lanes, Simd};
 
+use crate::frame::Frame;
 use crate::interval::{self, Intervals, SpanLanes};
-use crate::packet::Packet;
+use crate::packet::{Packet, RayColumns, Shaft, above, below};
 use crate::shapes::{Hit, Run, Shapes};
 
 /// How many bits of a record's number say where in its run it stands.
@@ -14,38 +15,234 @@ const NONE: u32 = u32::MAX;
 /// How much more a shear adds to errors whose axis has a fifth of the direction at least, and not half at least.
 const SHEAR_SCALE: f32 = 5.0;
 
-/// What the rays of a packet have found: each by its interval or exactly.
-#[derive(Clone, Debug)]
-pub(crate) struct Found<S: Simd, const W: usize> {
+/// What the rays of a packet ask for, and the answers so far.
+pub(crate) trait Question<S: Simd, const W: usize>: Copy {
+    /// Nothing is known yet.
+    fn new(simd: S) -> Self;
+
+    /// Takes in where a record may be hit; whether any ray of the packet now ends earlier.
+    fn take(
+        &mut self,
+        simd: S,
+        exact: &Exact<'_, W>,
+        packet: &mut Packet<S, W>,
+        record: u32,
+        at: &Intervals<S>,
+    ) -> bool;
+}
+
+/// What the exact tests are made with.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Exact<'a, const W: usize> {
+    pub(crate) shapes: &'a Shapes<W>,
+    pub(crate) frame: &'a Frame,
+    pub(crate) rays: &'a RayColumns<'a>,
+}
+
+impl<const W: usize> Exact<'_, W> {
+    /// The exact hit of a ray of the columns, if there is one, of a record.
+    #[inline(never)]
+    fn hit(&self, ray: usize, record: u32) -> Option<Hit> {
+        let run = &self.shapes.runs()[(record >> PLACE_BITS) as usize];
+        let index = run.first + (record & ((1 << PLACE_BITS) - 1));
+        let departure = self.shapes.departure(self.rays.left(ray));
+        let (ray, span) = self.rays.ray(ray);
+        self.shapes.exact_alone(&ray, span, departure, run, index)
+    }
+}
+
+/// The nearest hits, each known by its record and an interval.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Nearest<S: Simd> {
     /// No hit lies before these.
     lows: S::F32,
-    /// The nearest hit is not behind these.
-    pub(crate) ends: S::F32,
-    /// The nearest hit's run, and its place there.
-    records: [u32; W],
-    /// Which lanes know their hit exactly.
-    exact: u32,
-    hits: [Hit; W],
+    /// The bits of each hit's record.
+    records: S::F32,
 }
 
-/// The rays of a packet as the exact tests need them, a lane each.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Exact<'a> {
-    pub(crate) rays: &'a [Ray],
-    pub(crate) spans: &'a [Span],
-    /// What each leaves.
-    pub(crate) left: &'a [Option<Departure>],
-}
+impl<S: Simd, const W: usize> Question<S, W> for Nearest<S> {
+    #[inline(always)]
+    fn new(simd: S) -> Self {
+        Self { lows: simd.splat_f32(f32::INFINITY), records: simd.splat_f32(f32::from_bits(NONE)) }
+    }
 
-impl<S: Simd, const W: usize> Found<S, W> {
-    pub(crate) fn nothing(simd: S, packet: &Packet<S>) -> Self {
-        Self {
-            lows: simd.splat_f32(f32::INFINITY),
-            ends: packet.end,
-            records: [NONE; W],
-            exact: 0,
-            hits: [Hit { t: 0.0, primitive: 0 }; W],
+    #[inline(always)]
+    fn take(
+        &mut self,
+        simd: S,
+        exact: &Exact<'_, W>,
+        packet: &mut Packet<S, W>,
+        record: u32,
+        at: &Intervals<S>,
+    ) -> bool {
+        let taken = at.possible & at.sure & at.high.lt(self.lows);
+        let mut unsure = (at.possible & !taken).bits();
+        self.lows = at.low.select(taken, self.lows);
+        packet.ends = at.high.select(taken, packet.ends);
+        self.records = simd.splat_f32(f32::from_bits(record)).select(taken, self.records);
+        while unsure != 0 {
+            let lane = unsure.trailing_zeros() as usize;
+            unsure &= unsure - 1;
+            self.compare(simd, exact, packet, lane, record);
         }
+        true
+    }
+}
+
+impl<S: Simd> Nearest<S> {
+    /// Keeps the nearer of what a lane has found and a record, by exact tests of both.
+    #[inline(always)]
+    fn compare<const W: usize>(
+        &mut self,
+        simd: S,
+        exact: &Exact<'_, W>,
+        packet: &mut Packet<S, W>,
+        lane: usize,
+        record: u32,
+    ) {
+        let Some(hit) = exact.hit(packet.first + lane, record) else { return };
+        let mut records = [0.0; W];
+        self.records.store(&mut records);
+        let best = records[lane].to_bits();
+        if best != NONE
+            && let Some(best) = exact.hit(packet.first + lane, best)
+            && !hit.precedes(&best)
+        {
+            return;
+        }
+        let mask = simd.mask_f32(1 << lane);
+        self.records = simd.splat_f32(f32::from_bits(record)).select(mask, self.records);
+        self.lows = simd.splat_f32(below(exact.frame, hit.t)).select(mask, self.lows);
+        packet.ends = simd.splat_f32(above(exact.frame, hit.t)).select(mask, packet.ends);
+    }
+
+    /// What the rays of a packet have found, exactly.
+    #[inline(always)]
+    pub(crate) fn finish<const W: usize>(
+        &self,
+        simd: S,
+        exact: &Exact<'_, W>,
+        packet: &Packet<S, W>,
+        found: &mut [Option<Hit>],
+    ) {
+        let (mut lanes, mut records) = ([0.0; W], [NONE; W]);
+        self.records.store(&mut lanes);
+        for (record, lane) in records.iter_mut().zip(lanes) {
+            *record = lane.to_bits();
+        }
+        let mut first = 0;
+        if exact.shapes.is_only(PrimitiveKind::Sphere) {
+            while first < packet.len && packet.first + first + S::F64::LANES <= exact.rays.spans.0.len() {
+                exact.spheres(simd, packet, &records[first..], first, found);
+                first += S::F64::LANES;
+            }
+        }
+        for lane in first..packet.len {
+            if records[lane] != NONE {
+                found[lane] = exact.hit(packet.first + lane, records[lane]);
+                debug_assert!(found[lane].is_some(), "a sure hit is one");
+            }
+        }
+    }
+}
+
+impl<const W: usize> Exact<'_, W> {
+    /// The exact hits of the rays of a packet from a lane on, as many as there are lanes, of spheres.
+    #[inline(always)]
+    fn spheres<S: Simd>(
+        &self,
+        simd: S,
+        packet: &Packet<S, W>,
+        records: &[u32],
+        lane: usize,
+        found: &mut [Option<Hit>],
+    ) {
+        let n = S::F64::LANES.min(packet.len - lane);
+        let mut spheres = [[0.0; W]; 4];
+        let mut primitives = [0; W];
+        let (mut front, mut back, mut wanted) = (0, 0, 0);
+        for (i, &record) in records[..n].iter().enumerate() {
+            if record == NONE {
+                continue;
+            }
+            let run = &self.shapes.runs()[(record >> PLACE_BITS) as usize];
+            let place = record & ((1 << PLACE_BITS) - 1);
+            let sphere = self.shapes.sphere(run.first + place);
+            primitives[i] = self.shapes.number(run, place);
+            for k in 0..3 {
+                spheres[k][i] = sphere.center()[k];
+            }
+            spheres[3][i] = sphere.radius();
+            wanted |= 1 << i;
+            let (leaves, outwards) = packet.leaves_from(lane + i, primitives[i]);
+            front |= u32::from(run.sides != Sides::Back && !leaves) << i;
+            back |= u32::from(run.sides != Sides::Front && !outwards) << i;
+        }
+        if wanted == 0 {
+            return;
+        }
+        let at = packet.first + lane;
+        let zero = simd.splat_f64(0.0);
+        let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
+        for k in 0..3 {
+            origin[k] = simd.load_f64(&self.rays.origins[k][at..]);
+            direction[k] = simd.load_f64(&self.rays.directions[k][at..]);
+        }
+        let [x, y, z, radius] = &spheres;
+        let center = [simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)];
+        let span = [
+            simd.load_f64(&self.rays.spans.0[at..]).max(zero),
+            simd.load_f64(&self.rays.spans.1[at..]),
+        ];
+        let (is_hit, t) = Sphere::intersect_pairs(
+            simd,
+            &RayLanes { origin, direction },
+            span,
+            (center, simd.load_f64(radius)),
+            (simd.mask_f64(front), simd.mask_f64(back)),
+        );
+        debug_assert_eq!(is_hit.bits() & wanted, wanted, "a sure hit is one");
+        let mut distances = [0.0; W];
+        t.store(&mut distances);
+        for i in 0..n {
+            if wanted & is_hit.bits() & 1 << i != 0 {
+                found[lane + i] = Some(Hit { t: distances[i], primitive: primitives[i] });
+            }
+        }
+    }
+}
+
+/// Whether anything is hit: a bit a lane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hidden(pub(crate) u32);
+
+impl<S: Simd, const W: usize> Question<S, W> for Hidden {
+    #[inline(always)]
+    fn new(_: S) -> Self {
+        Self(0)
+    }
+
+    #[inline(always)]
+    fn take(
+        &mut self,
+        simd: S,
+        exact: &Exact<'_, W>,
+        packet: &mut Packet<S, W>,
+        record: u32,
+        at: &Intervals<S>,
+    ) -> bool {
+        let mut more = (at.possible & at.sure).bits();
+        let mut unsure = at.possible.bits() & !more;
+        while unsure != 0 {
+            let lane = unsure.trailing_zeros();
+            unsure &= unsure - 1;
+            if exact.hit(packet.first + lane as usize, record).is_some() {
+                more |= 1 << lane;
+            }
+        }
+        self.0 |= more;
+        packet.close(simd, more);
+        more != 0
     }
 }
 
@@ -56,43 +253,72 @@ fn record_of(run: usize, place: u32) -> u32 {
     (run as u32) << PLACE_BITS | place
 }
 
+/// How far the packets of a shaft still reach along its axis, and what testing them took.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Progress<const W: usize> {
+    /// Of each packet; of those that are not there, nowhere.
+    pub(crate) reaches: [f32; W],
+    /// The farthest.
+    pub(crate) reach: f32,
+    /// Tests of a primitive against the shafts of the packets.
+    pub(crate) shaft_tests: u64,
+    /// Tests of a primitive against the rays of a packet.
+    pub(crate) packet_tests: u64,
+    /// How many rays those were.
+    pub(crate) ray_tests: u64,
+}
+
+impl<const W: usize> Progress<W> {
+    #[inline(always)]
+    pub(crate) fn new<S: Simd>(simd: S, shaft: &Shaft<S>, packets: &[Packet<S, W>]) -> Self {
+        let mut reaches = [-1e30; W];
+        for (reach, packet) in reaches.iter_mut().zip(packets) {
+            *reach = shaft.reach(simd, packet);
+        }
+        let mut progress = Self { reaches, reach: 0.0, shaft_tests: 0, packet_tests: 0, ray_tests: 0 };
+        progress.sum_up();
+        progress
+    }
+
+    #[inline(always)]
+    fn sum_up(&mut self) {
+        self.reach = self.reaches[0];
+        for reach in self.reaches {
+            self.reach = self.reach.max(reach);
+        }
+    }
+}
+
 impl<const W: usize> Shapes<W> {
     /// Whether packets can test everything there is.
     pub(crate) fn suits_packets(&self) -> bool {
         self.has_blocks_only() && self.runs().len() < 1 << (31 - PLACE_BITS)
     }
 
-    /// Where the rays hit the primitive at a place of a run.
+    /// Where the rays of a packet hit the primitive at a place of a run.
     #[inline(always)]
     fn all_intervals<S: Simd>(
         &self,
         simd: S,
         run: &Run,
         place: u32,
-        packet: &Packet<S>,
-        ends: S::F32,
-        left: &[Option<Departure>],
+        shaft: &Shaft<S>,
+        packet: &Packet<S, W>,
     ) -> Intervals<S> {
         let all = u32::MAX >> (32 - W);
-        let mut front = if run.sides == Sides::Back { 0 } else { all };
-        let mut back = if run.sides == Sides::Front { 0 } else { all };
-        for (lane, departure) in left.iter().enumerate() {
-            if let Some(departure) = departure
-                && departure.index == run.first + place
-                && departure.kind == run.kind
-            {
-                front &= !(1 << lane);
-                if departure.side == Side::Front || run.kind == PrimitiveKind::Triangle {
-                    back &= !(1 << lane);
-                }
-            }
-        }
+        let (leaving, outwards) = packet.leaving(simd, self.number(run, place));
+        let front = if run.sides == Sides::Back { 0 } else { all & !leaving };
+        let back = match (run.sides, run.kind) {
+            (Sides::Front, _) => 0,
+            (_, PrimitiveKind::Triangle) => all & !leaving,
+            _ => all & !outwards,
+        };
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
         let span = SpanLanes {
             start: packet.start,
             start_above: packet.start_above,
             end_below: packet.end_below,
-            ends,
+            ends: packet.ends,
         };
         if run.kind == PrimitiveKind::Sphere {
             let (center, radius) = self.sphere_block(run).one(simd, place as usize);
@@ -102,19 +328,19 @@ impl<const W: usize> Shapes<W> {
                 radius,
                 packet.origin,
                 packet.direction,
-                packet.unit,
+                shaft.unit,
                 &span,
                 front,
                 back,
             )
         } else {
-            let [a, b, c] = self.triangle_block(run).one(simd, place as usize, packet.axes);
-            let vertices = [packet.shear(a), packet.shear(b), packet.shear(c)];
+            let [a, b, c] = self.triangle_block(run).one(simd, place as usize, shaft.axes);
+            let vertices = [shaft.shear(packet, a), shaft.shear(packet, b), shaft.shear(packet, c)];
             interval::triangle(
                 simd,
                 vertices,
                 packet.factors[2],
-                [packet.unit, SHEAR_SCALE],
+                [shaft.unit, SHEAR_SCALE],
                 &span,
                 front,
                 back,
@@ -122,151 +348,49 @@ impl<const W: usize> Shapes<W> {
         }
     }
 
-    /// The exact hit of a lane, if there is one, of a record.
+    /// Tests a leaf against the packets of a shaft.
     #[inline(always)]
-    fn exact_of(&self, exact: &Exact<'_>, lane: usize, record: u32) -> Option<Hit> {
-        let run = &self.runs()[(record >> PLACE_BITS) as usize];
-        let index = run.first + (record & ((1 << PLACE_BITS) - 1));
-        self.exact_alone(&exact.rays[lane], exact.spans[lane], exact.left[lane], run, index)
-    }
-
-    /// Makes what a lane has found exact.
-    #[inline(always)]
-    fn settle<S: Simd>(&self, exact: &Exact<'_>, found: &mut Found<S, W>, lane: usize) -> Option<Hit> {
-        if found.records[lane] == NONE {
-            return None;
-        }
-        if found.exact >> lane & 1 == 0 {
-            let hit = self.exact_of(exact, lane, found.records[lane]);
-            debug_assert!(hit.is_some(), "a sure hit is one");
-            found.hits[lane] = hit?;
-            found.exact |= 1 << lane;
-        }
-        Some(found.hits[lane])
-    }
-
-    /// Keeps the nearest of what the rays have found and what a leaf holds; returns how many primitives were tested, and
-    /// whether anything was found.
-    #[inline(always)]
-    pub(crate) fn nearest_of_all<S: Simd>(
+    pub(crate) fn ask<S: Simd, Q: Question<S, W>>(
         &self,
         simd: S,
         first_run: usize,
-        packet: &Packet<S>,
-        exact: &Exact<'_>,
-        found: &mut Found<S, W>,
-        reach: f32,
-    ) -> (u32, bool) {
-        let (mut tests, mut is_new) = (0, false);
-        let mut i = first_run;
-        loop {
-            let run = &self.runs()[i];
-            let mut candidates = self.candidates(simd, run, packet, reach);
-            while candidates != 0 {
-                let place = candidates.trailing_zeros();
-                candidates &= candidates - 1;
-                tests += 1;
-                let at = self.all_intervals(simd, run, place, packet, found.ends, exact.left);
-                if !at.possible.any() {
-                    continue;
-                }
-                is_new = true;
-                let record = record_of(i, place);
-                let taken = at.possible & at.sure & at.high.lt(found.lows);
-                let mut unsure = (at.possible & !taken).bits();
-                found.lows = at.low.select(taken, found.lows);
-                found.ends = at.high.select(taken, found.ends);
-                let mut bits = taken.bits();
-                found.exact &= !bits;
-                while bits != 0 {
-                    found.records[bits.trailing_zeros() as usize] = record;
-                    bits &= bits - 1;
-                }
-                while unsure != 0 {
-                    let lane = unsure.trailing_zeros() as usize;
-                    unsure &= unsure - 1;
-                    self.compare(simd, exact, found, lane, record, packet);
-                }
-            }
-            if !run.goes_on {
-                return (tests, is_new);
-            }
-            i += 1;
-        }
-    }
-
-    /// Keeps the nearer of what a lane has found and a record, by exact tests of both.
-    #[inline(always)]
-    fn compare<S: Simd>(
-        &self,
-        simd: S,
-        exact: &Exact<'_>,
-        found: &mut Found<S, W>,
-        lane: usize,
-        record: u32,
-        packet: &Packet<S>,
+        shaft: &Shaft<S>,
+        packets: &mut [Packet<S, W>],
+        asked: &mut [Q],
+        exact: &Exact<'_, W>,
+        progress: &mut Progress<W>,
     ) {
-        let Some(hit) = self.exact_of(exact, lane, record) else { return };
-        if let Some(best) = self.settle(exact, found, lane)
-            && !hit.precedes(&best)
-        {
-            return;
-        }
-        found.records[lane] = record;
-        found.hits[lane] = hit;
-        found.exact |= 1 << lane;
-        let mask = simd.mask_f32(1 << lane);
-        found.lows = simd.splat_f32(packet.below(hit.t)).select(mask, found.lows);
-        found.ends = simd.splat_f32(packet.above(hit.t)).select(mask, found.ends);
-    }
-
-    /// What a lane has found.
-    pub(crate) fn finish<S: Simd>(
-        &self,
-        exact: &Exact<'_>,
-        found: &mut Found<S, W>,
-        lane: usize,
-    ) -> Option<Hit> {
-        self.settle(exact, found, lane)
-    }
-
-    /// The rays that a leaf hides the light of, of those that are `open`; and how many primitives were tested.
-    #[inline(always)]
-    pub(crate) fn hidden_of_all<S: Simd>(
-        &self,
-        simd: S,
-        first_run: usize,
-        packet: &Packet<S>,
-        exact: &Exact<'_>,
-        open: u32,
-        reach: f32,
-    ) -> (u32, u32) {
-        let (mut tests, mut hidden) = (0, 0);
         let mut i = first_run;
         loop {
             let run = &self.runs()[i];
-            let mut candidates = self.candidates(simd, run, packet, reach);
+            let mut candidates = self.candidates(simd, run, shaft, progress.reach);
+            let mut is_new = false;
             while candidates != 0 {
                 let place = candidates.trailing_zeros();
                 candidates &= candidates - 1;
-                tests += 1;
-                let at = self.all_intervals(simd, run, place, packet, packet.end, exact.left);
-                hidden |= (at.possible & at.sure).bits() & open;
-                let mut unsure = at.possible.bits() & open & !hidden;
-                let record = record_of(i, place);
-                while unsure != 0 {
-                    let lane = unsure.trailing_zeros();
-                    unsure &= unsure - 1;
-                    if self.exact_of(exact, lane as usize, record).is_some() {
-                        hidden |= 1 << lane;
+                let mut met = 1;
+                if packets.len() > 1 {
+                    progress.shaft_tests += 1;
+                    met = shaft.packets_that_meet(simd, self.bounds(run, place as usize), &progress.reaches);
+                }
+                while met != 0 {
+                    let p = met.trailing_zeros() as usize;
+                    met &= met - 1;
+                    let (packet, asked) = (&mut packets[p], &mut asked[p]);
+                    progress.packet_tests += 1;
+                    progress.ray_tests += packet.len as u64;
+                    let at = self.all_intervals(simd, run, place, shaft, packet);
+                    if at.possible.any() && asked.take(simd, exact, packet, record_of(i, place), &at) {
+                        progress.reaches[p] = shaft.reach(simd, packet);
+                        is_new = true;
                     }
                 }
-                if hidden == open {
-                    return (tests, hidden);
-                }
+            }
+            if is_new {
+                progress.sum_up();
             }
             if !run.goes_on {
-                return (tests, hidden);
+                return;
             }
             i += 1;
         }
@@ -274,11 +398,21 @@ impl<const W: usize> Shapes<W> {
 
     /// The places of a run whose primitives the shaft meets.
     #[inline(always)]
-    fn candidates<S: Simd>(&self, simd: S, run: &Run, packet: &Packet<S>, reach: f32) -> u32 {
+    fn candidates<S: Simd>(&self, simd: S, run: &Run, shaft: &Shaft<S>, reach: f32) -> u32 {
         if run.kind == PrimitiveKind::Sphere {
-            packet.candidates(simd, self.sphere_block(run), reach)
+            shaft.candidates(simd, self.sphere_block(run), reach)
         } else {
-            packet.candidates(simd, self.triangle_block(run), reach)
+            shaft.candidates(simd, self.triangle_block(run), reach)
+        }
+    }
+
+    /// The box of the primitive at a place of a run.
+    #[inline(always)]
+    fn bounds(&self, run: &Run, place: usize) -> [[f32; 3]; 2] {
+        if run.kind == PrimitiveKind::Sphere {
+            self.sphere_block(run).bounds(place)
+        } else {
+            self.triangle_block(run).bounds(place)
         }
     }
 }

@@ -47,13 +47,13 @@ impl Kernel for Together<'_> {
             origins: [&list.origins[0], &list.origins[1], &list.origins[2]],
             directions: [&list.directions[0], &list.directions[1], &list.directions[2]],
             spans: (&list.starts, &list.ends),
+            left: &list.left,
         };
         let n = list.left.len();
-        let members: Vec<u32> = (0..).take(n).collect();
         let (mut hits, mut occluded) = (vec![None; n], vec![false; n]);
         let mut scratch = self.hierarchy.bundle_scratch();
-        self.hierarchy.nearest_bundle_on(simd, &rays, &list.left, &members, 0, &mut hits, &mut scratch);
-        self.hierarchy.occluded_bundle_on(simd, &rays, &list.left, &members, 1, &mut occluded, &mut scratch);
+        self.hierarchy.nearest_bundle_on(simd, &rays, 0..n, 0, &mut hits, &mut scratch);
+        self.hierarchy.occluded_bundle_on(simd, &rays, 0..n, 1, &mut occluded, &mut scratch);
         (hits, occluded, scratch.bundled)
     }
 }
@@ -87,7 +87,7 @@ fn check(primitives: &[(Primitive, Sides)], list: &List) -> u64 {
     for &backend in Backend::available() {
         let hierarchy = Hierarchy::over(&columns, &items, backend);
         let (hits, occluded, bundled) = backend.run(Together { hierarchy: &hierarchy, list });
-        together += bundled.together;
+        together += bundled.tiles + bundled.packets;
         for (i, expected) in expected.iter().enumerate() {
             let bits = |hit: &Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.primitive));
             assert_eq!(
@@ -143,7 +143,7 @@ proptest! {
         target in any_point(),
         spread in prop::sample::select(vec![0.0, 1e-9, 1e-3, 0.1, 0.5]),
         parallel in any::<bool>(),
-        jitter in prop::collection::vec((point(), prop::option::of((any::<prop::sample::Index>(), any::<bool>()))), 1..80),
+        jitter in prop::collection::vec((point(), prop::option::of((any::<prop::sample::Index>(), any::<bool>()))), 1..300),
         end in prop::sample::select(vec![f64::INFINITY, 0.5, 1.0, 2.0]),
         scale in prop::sample::select(vec![1.0, 1e-100, 1e6]),
         shift in prop::sample::select(vec![0.0, 0.0, 1e3]),

@@ -49,7 +49,7 @@ pub use rayset_simd::Backend;
 pub use render::{Observer, Progress, RenderError, RenderOptions, render, render_observed};
 pub use sampling::{Crop, EyeRays};
 pub use shading::shade;
-pub use stats::{CoherenceCounts, Stats, Work};
+pub use stats::{CoherenceCounts, StageCounts, Stats, Work};
 #[cfg(feature = "mutations")]
 pub use strategies::Condition;
 pub use strategies::{

@@ -49,6 +49,17 @@ pub struct CoherenceCounts {
     pub wrong: u64,
 }
 
+/// How many rays of one kind each stage of `bundle` answered, the rays that it is coherence for first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct StageCounts {
+    /// Under the shaft of a tile of packets.
+    pub tiles: u64,
+    /// Under the shaft of a packet.
+    pub packets: u64,
+    /// One by one.
+    pub alone: u64,
+}
+
 /// Everything a strategy counted in one or more sweeps.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
@@ -56,6 +67,8 @@ pub struct Stats {
     pub work: Work,
     /// How the rays fared, by kind.
     pub coherence: ByKind<CoherenceCounts>,
+    /// Which stage answered the rays, by kind; of strategies that trace bundles in stages.
+    pub stages: ByKind<StageCounts>,
     /// Radii of the cylinders built, in units of the scene's extent.
     pub radii: Histogram,
     /// Lengths of the cylinders built, in units of the scene's extent.
@@ -139,10 +152,19 @@ impl AddAssign for CoherenceCounts {
     }
 }
 
+impl AddAssign for StageCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.tiles += other.tiles;
+        self.packets += other.packets;
+        self.alone += other.alone;
+    }
+}
+
 impl AddAssign<&Self> for Stats {
     fn add_assign(&mut self, other: &Self) {
         self.work += other.work;
         self.coherence += other.coherence;
+        self.stages += other.stages;
         self.radii += &other.radii;
         self.lengths += &other.lengths;
     }
@@ -164,6 +186,11 @@ impl fmt::Display for Stats {
                  {false_coherence} of them falsely coherent, {coherent} coherent, {wrong} wrong",
                 kind.name()
             )?;
+        }
+        for (kind, &StageCounts { tiles, packets, alone }) in self.stages.iter() {
+            if tiles + packets + alone > 0 {
+                writeln!(f, "{:9} rays: {tiles} in tiles, {packets} in packets, {alone} alone", kind.name())?;
+            }
         }
         Ok(())
     }

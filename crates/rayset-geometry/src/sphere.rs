@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayset_simd::{Lanes, Scalar, Simd};
 
 use crate::departure::Allowed;
-use crate::{BoundingSphere, Probe, Ray, Side, Sides, Span};
+use crate::{BoundingSphere, Probe, RayLanes, Ray, Side, Sides, Span};
 
 /// A sphere, in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,17 +80,37 @@ pub(crate) fn intersect<S: Simd>(
     radius: S::F64,
     allowed: Allowed<S>,
 ) -> (<S::F64 as Lanes>::Mask, S::F64) {
-    let (o, d) = (&probe.lanes.origin, &probe.lanes.direction);
-    let oc = [center[0] - o[0], center[1] - o[1], center[2] - o[2]];
-    let b = oc[0] * d[0] + oc[1] * d[1] + oc[2] * d[2];
-    let l = [oc[0] - b * d[0], oc[1] - b * d[1], oc[2] - b * d[2]];
-    let discriminant = radius * radius - (l[0] * l[0] + l[1] * l[1] + l[2] * l[2]);
-    let real = discriminant.ge(probe.simd.splat_f64(0.0));
-    let half = discriminant.sqrt();
-    let (near, far) = (b - half, b + half);
-    let near_hit = real & allowed.front & probe.in_span(near);
-    let far_hit = real & allowed.back & probe.in_span(far);
-    (near_hit | far_hit, near.select(near_hit, far))
+    let span = [probe.simd.splat_f64(probe.span.start), probe.simd.splat_f64(probe.span.end)];
+    let Allowed { front, back } = allowed;
+    Sphere::intersect_pairs(probe.simd, &probe.lanes, span, (center, radius), (front, back))
+}
+
+impl Sphere {
+    /// Where rays meet spheres, a pair a lane: the lanes that are hit, and `t`; of the rays, where their spans start and
+    /// end, and the lanes whose front and back may be hit.
+    ///
+    /// The arithmetic of [`Sphere::intersect`], and its bits.
+    #[must_use]
+    #[inline(always)]
+    pub fn intersect_pairs<S: Simd>(
+        simd: S,
+        rays: &RayLanes<S>,
+        [start, end]: [S::F64; 2],
+        (center, radius): ([S::F64; 3], S::F64),
+        (front, back): (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
+    ) -> (<S::F64 as Lanes>::Mask, S::F64) {
+        let (o, d) = (&rays.origin, &rays.direction);
+        let oc = [center[0] - o[0], center[1] - o[1], center[2] - o[2]];
+        let b = oc[0] * d[0] + oc[1] * d[1] + oc[2] * d[2];
+        let l = [oc[0] - b * d[0], oc[1] - b * d[1], oc[2] - b * d[2]];
+        let discriminant = radius * radius - (l[0] * l[0] + l[1] * l[1] + l[2] * l[2]);
+        let real = discriminant.ge(simd.splat_f64(0.0));
+        let half = discriminant.sqrt();
+        let (near, far) = (b - half, b + half);
+        let near_hit = real & front & near.gt(start) & near.lt(end);
+        let far_hit = real & back & far.gt(start) & far.lt(end);
+        (near_hit | far_hit, near.select(near_hit, far))
+    }
 }
 
 #[cfg(test)]

@@ -20,6 +20,19 @@ pub trait Kernel {
     fn run<S: Simd>(self, simd: S) -> Self::Output;
 }
 
+/// A part of a kernel that is compiled by itself.
+///
+/// What is inlined into one kernel is compiled once for each place it is called from, and again for each backend;
+/// [`Simd::outline`] keeps a part that is called from several places, or whose call costs nothing beside its work, in a
+/// function of its own.
+pub trait Part<S: Simd> {
+    /// What the work returns.
+    type Output;
+
+    /// Does the work on the lanes of `simd`; mark it `#[inline(always)]`, as [`Kernel::run`].
+    fn run(self, simd: S) -> Self::Output;
+}
+
 /// An implementation of lanes.
 ///
 /// In increasing order of the number of lanes.

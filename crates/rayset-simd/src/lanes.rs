@@ -3,6 +3,8 @@
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
+use crate::Part;
+
 /// An upper bound on [`Lanes::LANES`] of any backend, for both widths.
 ///
 /// Columns that are read in lanes are padded by this many values, so that the last load stays inside.
@@ -122,6 +124,10 @@ pub trait CullLanes: Lanes<Scalar = f32> {
 
 /// A backend's token: the only way to make lanes, so lanes exist only where the machine has them.
 pub trait Simd: Copy + Debug + Send + Sync + 'static {
+    /// Runs a part of a kernel in a function of its own, compiled for this backend.
+    fn outline<P: Part<Self>>(self, part: P) -> P::Output;
+
+
     /// Lanes of double precision: what decides.
     type F64: Lanes<Scalar = f64>;
     /// Lanes of single precision: what may cull.
@@ -153,6 +159,21 @@ pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// The mask whose lane `i` is bit `i`; higher bits are ignored.
     #[must_use]
     fn mask_f32(self, bits: u32) -> <Self::F32 as Lanes>::Mask;
+    /// `(value - offset) * scale` of the first [`Lanes::LANES`] of `F32` values, in double precision, each then rounded to
+    /// single.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer.
+    #[must_use]
+    fn narrow_f32(self, values: &[f64], offset: f64, scale: f64) -> Self::F32;
+    /// The lanes of `F32` whose value is `wanted`.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer values than [`Lanes::LANES`] of `F32`.
+    #[must_use]
+    fn equal_u32(self, values: &[u32], wanted: u32) -> <Self::F32 as Lanes>::Mask;
     /// Moves the values whose lane of `F32` is set to the front of `out`, in their order; what stands in `out` after
     /// them is not specified.
     ///

@@ -3,7 +3,7 @@
 use std::array::from_fn;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use crate::{CullLanes, LaneMask, Lanes, Simd};
+use crate::{CullLanes, LaneMask, Lanes, Part, Simd};
 
 /// The backend of plain arrays: four `f64` or eight `f32`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -180,6 +180,10 @@ impl Simd for Portable {
     type F64 = F64x4;
     type F32 = F32x8;
 
+    #[inline(never)]
+    fn outline<P: Part<Self>>(self, part: P) -> P::Output {
+        part.run(self)
+    }
     #[inline(always)]
     fn splat_f64(self, value: f64) -> F64x4 {
         F64x4([value; 4])
@@ -205,6 +209,17 @@ impl Simd for Portable {
     #[inline(always)]
     fn mask_f32(self, bits: u32) -> M32x8 {
         M32x8::of(|i| bits >> i & 1 == 1)
+    }
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "rounded to single precision")]
+    fn narrow_f32(self, values: &[f64], offset: f64, scale: f64) -> F32x8 {
+        let values = &values[..8];
+        F32x8(from_fn(|i| ((values[i] - offset) * scale) as f32))
+    }
+    #[inline(always)]
+    fn equal_u32(self, values: &[u32], wanted: u32) -> M32x8 {
+        let values = &values[..8];
+        M32x8::of(|i| values[i] == wanted)
     }
     #[inline(always)]
     fn compress_u32(self, mask: M32x8, values: &[u32], out: &mut [u32]) {

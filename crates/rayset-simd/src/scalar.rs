@@ -1,6 +1,6 @@
 //! One lane: plain numbers. The reference for every other backend.
 
-use crate::{F32x8, LaneMask, Lanes, M32x8, Portable, Simd};
+use crate::{F32x8, LaneMask, Lanes, M32x8, Part, Portable, Simd};
 
 /// The backend with one lane of `f64`; it culls in the lanes of [`Portable`].
 #[derive(Clone, Copy, Debug, Default)]
@@ -71,6 +71,10 @@ impl Simd for Scalar {
     type F64 = f64;
     type F32 = F32x8;
 
+    #[inline(never)]
+    fn outline<P: Part<Self>>(self, part: P) -> P::Output {
+        part.run(self)
+    }
     #[inline(always)]
     fn splat_f64(self, value: f64) -> f64 {
         value
@@ -94,6 +98,14 @@ impl Simd for Scalar {
     #[inline(always)]
     fn mask_f32(self, bits: u32) -> M32x8 {
         Portable.mask_f32(bits)
+    }
+    #[inline(always)]
+    fn narrow_f32(self, values: &[f64], offset: f64, scale: f64) -> F32x8 {
+        Portable.narrow_f32(values, offset, scale)
+    }
+    #[inline(always)]
+    fn equal_u32(self, values: &[u32], wanted: u32) -> M32x8 {
+        Portable.equal_u32(values, wanted)
     }
     #[inline(always)]
     fn compress_u32(self, mask: M32x8, values: &[u32], out: &mut [u32]) {

@@ -7,15 +7,15 @@
 //!
 //! Source: Reshetov, Soupikov and Hurley 2005, "Multi-level ray tracing algorithm".
 
-use rayset_bvh::{BundleScratch, Hierarchy, RayColumns};
+use rayset_bvh::{BundleScratch, Bundled, Hierarchy, RayColumns};
 use rayset_geometry::Side;
-use rayset_scene::Scene;
+use rayset_scene::{LightId, ObjectId, Scene};
 use rayset_simd::{Backend, Kernel, Lanes, Simd};
 
-use super::hierarchical::{hierarchy_of, hit_of};
+use super::hierarchical::{hierarchy_of, hit_of, objects_of};
 use crate::{
-    Answers, Generation, Hit, IntersectionStrategy, Originating, QueryWork, RayQuery, Recording,
-    ShadowGeneration, ShadowQuery, Stats, Tracer, Work,
+    Answers, Generation, Hit, IntersectionStrategy, Originating, QueryWork, RayKind, RayQuery, Recording,
+    ShadowGeneration, ShadowQuery, Slot, StageCounts, Stats, Tracer, Work,
 };
 
 /// Traces rays in packets through a hierarchy of all primitives.
@@ -23,6 +23,8 @@ use crate::{
 pub struct Bundle<'s> {
     scene: &'s Scene,
     hierarchy: Hierarchy,
+    /// The object of each primitive.
+    objects: Vec<ObjectId>,
 }
 
 impl<'s> Bundle<'s> {
@@ -35,7 +37,7 @@ impl<'s> Bundle<'s> {
     /// Builds the hierarchy of a scene, on the lanes of a backend.
     #[must_use]
     pub fn on(scene: &'s Scene, backend: Backend) -> Self {
-        Self { scene, hierarchy: hierarchy_of(scene, backend) }
+        Self { scene, hierarchy: hierarchy_of(scene, backend), objects: objects_of(scene) }
     }
 }
 
@@ -59,13 +61,11 @@ impl IntersectionStrategy for Bundle<'_> {
 
     fn begin_sweep(&self, recording: Recording) -> Box<dyn Tracer + '_> {
         Box::new(BundleTracer {
-            scene: self.scene,
             hierarchy: &self.hierarchy,
+            objects: &self.objects,
             scratch: self.hierarchy.bundle_scratch(),
             left: Vec::new(),
-            members: Vec::new(),
             hits: Vec::new(),
-            occluded: Vec::new(),
             recording,
             stats: Stats::default(),
         })
@@ -73,44 +73,34 @@ impl IntersectionStrategy for Bundle<'_> {
 }
 
 struct BundleTracer<'s> {
-    scene: &'s Scene,
     hierarchy: &'s Hierarchy,
+    objects: &'s [ObjectId],
     scratch: BundleScratch,
     /// What each ray of a generation leaves.
     left: Vec<Option<(u32, Side)>>,
-    /// The rays of a generation, corresponding ones together.
-    members: Vec<u32>,
     hits: Vec<Option<rayset_bvh::Hit>>,
-    occluded: Vec<bool>,
     recording: Recording,
     stats: Stats,
 }
 
-fn left(originating: &Originating) -> (u32, Side) {
-    (originating.primitive.0, originating.side)
-}
-
-fn columns(generation: &Generation) -> RayColumns<'_> {
-    let ([ox, oy, oz], [dx, dy, dz]) = (generation.origins(), generation.directions());
-    RayColumns { origins: [ox, oy, oz], directions: [dx, dy, dz], spans: generation.spans() }
-}
+/// The classes of rays that ask for the nearest hit; as many ask whether there is any.
+const CLASSES: usize = 32;
 
 impl BundleTracer<'_> {
-    /// Puts corresponding rays together: those of the same key, in increasing order.
-    fn arrange<K: Ord>(&mut self, rays: &Generation, key: impl Fn(usize) -> K) {
-        let n = rays.len();
+    /// What the rays leave; nothing if they are initial rays.
+    fn find_left(&mut self, rays: &Generation) {
         self.left.clear();
-        self.left.extend(rays.originating().iter().map(|originating| originating.as_ref().map(left)));
-        self.members.clear();
-        self.members.extend((0_u32..).take(n));
-        if !(1..n).all(|i| key(i - 1) <= key(i)) {
-            self.members.sort_unstable_by_key(|&i| (key(i as usize), i));
+        if rays.originating().first().is_some_and(Option::is_some) {
+            let left = |originating: &Originating| (originating.primitive.0, originating.side);
+            self.left.extend(rays.originating().iter().map(|originating| originating.as_ref().map(left)));
         }
     }
 
     /// Takes over what the hierarchy has counted; returns what is new.
-    fn count(&mut self, lanes: usize) -> Work {
+    fn count(&mut self, kind: RayKind, lanes: usize) -> Work {
         let before = self.stats.work;
+        let Bundled { tiles, packets, alone } = std::mem::take(&mut self.scratch.bundled);
+        self.stats.stages[kind] += StageCounts { tiles, packets, alone };
         self.stats.work.boxes_tested = self.scratch.single.steps.nodes * lanes as u64;
         self.stats.work.primitive_tests = self.scratch.single.primitive_tests;
         self.stats.work - before
@@ -118,85 +108,92 @@ impl BundleTracer<'_> {
 }
 
 /// Shares out work evenly; what is left over goes to the first rays.
-fn record(column: &mut [QueryWork], members: &[u32], work: Work) {
-    let n = members.len() as u64;
-    for (place, &i) in (0..).zip(members) {
+fn record(column: &mut [QueryWork], work: Work) {
+    let n = column.len() as u64;
+    for (place, query) in (0..).zip(column) {
         let mut share = work;
         for (_, count) in share.counts_mut() {
             *count = *count / n + u64::from(place < *count % n);
         }
-        column[i as usize].work = share;
+        query.work = share;
     }
 }
 
-struct Nearest<'a, 's> {
-    tracer: &'a mut BundleTracer<'s>,
-    generation: &'a Generation,
-    work: &'a mut Vec<QueryWork>,
+/// Where the answers of a generation go.
+enum Places<'a> {
+    Hits(&'a mut [Option<rayset_bvh::Hit>]),
+    /// And the light of each ray.
+    Occluded(&'a mut [bool], &'a [LightId]),
 }
 
-impl Kernel for Nearest<'_, '_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self { tracer, generation, work } = self;
-        let rays = columns(generation);
-        let lanes = S::F32::LANES;
-        let members = std::mem::take(&mut tracer.members);
-        // Packet by packet where their work is asked for.
-        let step = if tracer.recording == Recording::Off { members.len().max(1) } else { lanes };
-        let slots = generation.slots();
-        let first = work.len();
-        if tracer.recording == Recording::PerQuery {
-            work.resize(first + members.len(), QueryWork::default());
-        }
-        for members in members.chunk_by(|&a, &b| slots[a as usize] == slots[b as usize]) {
-            let slot = slots[members[0] as usize].0 as usize % 32;
-            for members in members.chunks(step) {
-                let BundleTracer { hierarchy, left, hits, scratch, .. } = &mut *tracer;
-                hierarchy.nearest_bundle_on(simd, &rays, left, members, slot, hits, scratch);
-                let new = tracer.count(lanes);
-                if tracer.recording == Recording::PerQuery {
-                    record(&mut work[first..], members, new);
-                }
-            }
-        }
-        tracer.members = members;
+impl Places<'_> {
+    /// How many rays from `first` on correspond: those of a slot, and of a light.
+    fn group(&self, slots: &[Slot], first: usize) -> usize {
+        let slot = slots[first];
+        let same = |i: &usize| match self {
+            Self::Hits(_) => slots[*i] == slot,
+            Self::Occluded(_, lights) => slots[*i] == slot && lights[*i] == lights[first],
+        };
+        (first..slots.len()).take_while(same).count()
     }
 }
 
-struct Occluded<'a, 's> {
+struct Answering<'a, 's> {
     tracer: &'a mut BundleTracer<'s>,
     generation: &'a Generation,
+    places: Places<'a>,
     work: &'a mut Vec<QueryWork>,
 }
 
-impl Kernel for Occluded<'_, '_> {
+impl Kernel for Answering<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Self { tracer, generation, work } = self;
-        let rays = columns(generation);
+        let Self { tracer, generation, mut places, work } = self;
+        let ([ox, oy, oz], [dx, dy, dz]) = (generation.origins(), generation.directions());
+        let left = std::mem::take(&mut tracer.left);
+        let rays = RayColumns {
+            origins: [ox, oy, oz],
+            directions: [dx, dy, dz],
+            spans: generation.spans(),
+            left: &left,
+        };
         let lanes = S::F32::LANES;
-        let members = std::mem::take(&mut tracer.members);
-        let step = if tracer.recording == Recording::Off { members.len().max(1) } else { lanes };
+        // Shaft by shaft where their work is asked for.
+        let step = if tracer.recording == Recording::Off { usize::MAX } else { lanes * lanes };
         let slots = generation.slots();
-        let first = work.len();
+        let before = work.len();
         if tracer.recording == Recording::PerQuery {
-            work.resize(first + members.len(), QueryWork::default());
+            work.resize(before + generation.len(), QueryWork::default());
         }
-        for members in members.chunk_by(|&a, &b| slots[a as usize] == slots[b as usize]) {
-            let slot = slots[members[0] as usize].0 as usize % 32;
-            for members in members.chunks(step) {
-                let BundleTracer { hierarchy, left, occluded, scratch, .. } = &mut *tracer;
-                hierarchy.occluded_bundle_on(simd, &rays, left, members, slot + 32, occluded, scratch);
-                let new = tracer.count(lanes);
+        let mut first = 0;
+        while first < slots.len() {
+            let end = first + places.group(slots, first);
+            let class = slots[first].0 as usize % CLASSES;
+            let kind = match places {
+                Places::Hits(_) => slots[first].kind(),
+                Places::Occluded(..) => RayKind::Shadow,
+            };
+            while first < end {
+                let range = first..first + step.min(end - first);
+                first = range.end;
+                let scratch = &mut tracer.scratch;
+                match &mut places {
+                    Places::Hits(hits) => {
+                        tracer.hierarchy.nearest_bundle_on(simd, &rays, range.clone(), class, hits, scratch);
+                    }
+                    Places::Occluded(occluded, _) => {
+                        let (class, range) = (CLASSES + class, range.clone());
+                        tracer.hierarchy.occluded_bundle_on(simd, &rays, range, class, occluded, scratch);
+                    }
+                }
+                let new = tracer.count(kind, lanes);
                 if tracer.recording == Recording::PerQuery {
-                    record(&mut work[first..], members, new);
+                    record(&mut work[before..][range], new);
                 }
             }
         }
-        tracer.members = members;
+        tracer.left = left;
     }
 }
 
@@ -226,22 +223,25 @@ impl Tracer for BundleTracer<'_> {
     }
 
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
-        self.arrange(generation, |i| generation.slots()[i]);
-        self.hits.clear();
-        self.hits.resize(generation.len(), None);
+        self.find_left(generation);
+        let mut hits = std::mem::take(&mut self.hits);
+        hits.clear();
+        hits.resize(generation.len(), None);
         let backend = self.hierarchy.backend();
-        backend.run(Nearest { tracer: self, generation, work: &mut answers.work });
-        let scene = self.scene;
-        answers.values.extend(self.hits.iter().map(|hit| hit.map(|hit| hit_of(scene, hit))));
+        let places = Places::Hits(&mut hits);
+        backend.run(Answering { tracer: self, generation, places, work: &mut answers.work });
+        let objects = self.objects;
+        answers.values.extend(hits.iter().map(|hit| hit.map(|hit| hit_of(objects, hit))));
+        self.hits = hits;
     }
 
     fn occluded_bundle(&mut self, generation: &ShadowGeneration, answers: &mut Answers<bool>) {
         let rays = generation.rays();
-        self.arrange(rays, |i| (generation.lights()[i], rays.slots()[i]));
-        self.occluded.clear();
-        self.occluded.resize(generation.len(), false);
+        self.find_left(rays);
+        let first = answers.values.len();
+        answers.values.resize(first + rays.len(), false);
         let backend = self.hierarchy.backend();
-        backend.run(Occluded { tracer: self, generation: rays, work: &mut answers.work });
-        answers.values.extend_from_slice(&self.occluded);
+        let places = Places::Occluded(&mut answers.values[first..], generation.lights());
+        backend.run(Answering { tracer: self, generation: rays, places, work: &mut answers.work });
     }
 }

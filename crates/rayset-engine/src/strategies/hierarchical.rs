@@ -36,10 +36,14 @@ impl<'s> Hierarchical<'s> {
     /// Builds the hierarchy of a scene, on the lanes of a backend.
     #[must_use]
     pub fn on(scene: &'s Scene, backend: Backend) -> Self {
-        let ids = (0..).map(PrimitiveId).take(scene.n_primitives());
-        let objects = ids.map(|id| scene.volume_object(scene.location(id).volume)).collect();
-        Self { scene, hierarchy: hierarchy_of(scene, backend), objects }
+        Self { scene, hierarchy: hierarchy_of(scene, backend), objects: objects_of(scene) }
     }
+}
+
+/// The object of each primitive.
+pub(super) fn objects_of(scene: &Scene) -> Vec<ObjectId> {
+    let ids = (0..).map(PrimitiveId).take(scene.n_primitives());
+    ids.map(|id| scene.volume_object(scene.location(id).volume)).collect()
 }
 
 /// A hierarchy of all primitives of a scene, numbered by their ids.
@@ -94,9 +98,9 @@ struct HierarchicalTracer<'s> {
 
 /// A hit with its object.
 #[inline(always)]
-pub(super) fn hit_of(scene: &Scene, hit: rayset_bvh::Hit) -> Hit {
+pub(super) fn hit_of(objects: &[ObjectId], hit: rayset_bvh::Hit) -> Hit {
     let primitive = PrimitiveId(hit.primitive);
-    Hit { t: hit.t, object: scene.volume_object(scene.location(primitive).volume), primitive }
+    Hit { t: hit.t, object: objects[hit.primitive as usize], primitive }
 }
 
 impl HierarchicalTracer<'_> {
@@ -110,8 +114,7 @@ impl HierarchicalTracer<'_> {
     ) -> Option<Hit> {
         let from = from.map(|from| (from.primitive.0, from.side));
         let hit = self.hierarchy.nearest_on(simd, ray, span, from, &mut self.scratch)?;
-        let (object, primitive) = (self.objects[hit.primitive as usize], PrimitiveId(hit.primitive));
-        Some(Hit { t: hit.t, object, primitive })
+        Some(hit_of(self.objects, hit))
     }
 
     #[inline(always)]

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use crate::{CullLanes, LaneMask, Lanes, Simd};
+use crate::{CullLanes, LaneMask, Lanes, Part, Simd};
 
 /// The backend of AVX2 with FMA, BMI and LZCNT.
 ///
@@ -166,6 +166,12 @@ impl Simd for Avx2 {
     type F32 = Avx2F32;
 
     #[inline(always)]
+    fn outline<P: Part<Self>>(self, part: P) -> P::Output {
+        // SAFETY: the token exists only where the machine has the instructions.
+        unsafe { run_part(part) }
+    }
+
+    #[inline(always)]
     fn splat_f64(self, value: f64) -> Avx2F64 {
         // SAFETY: see `register_lanes`; the same for the others.
         Avx2F64(unsafe { _mm256_set1_pd(value) })
@@ -212,6 +218,28 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn narrow_f32(self, values: &[f64], offset: f64, scale: f64) -> Avx2F32 {
+        let values = &values[..8];
+        // SAFETY: the slice holds two registers.
+        Avx2F32(unsafe {
+            let (offset, scale) = (_mm256_set1_pd(offset), _mm256_set1_pd(scale));
+            let low = _mm256_mul_pd(_mm256_sub_pd(_mm256_loadu_pd(values.as_ptr()), offset), scale);
+            let high = _mm256_mul_pd(_mm256_sub_pd(_mm256_loadu_pd(values.as_ptr().add(4)), offset), scale);
+            _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low))
+        })
+    }
+
+    #[inline(always)]
+    fn equal_u32(self, values: &[u32], wanted: u32) -> Avx2M32 {
+        let values = &values[..8];
+        // SAFETY: the slice holds a register.
+        Avx2M32(unsafe {
+            let values = _mm256_loadu_si256(values.as_ptr().cast());
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(values, _mm256_set1_epi32(wanted.cast_signed())))
+        })
+    }
+
+    #[inline(always)]
     fn compress_u32(self, mask: Avx2M32, values: &[u32], out: &mut [u32]) {
         let (values, out) = (&values[..8], &mut out[..8]);
         // SAFETY: both slices hold a register.
@@ -226,6 +254,13 @@ impl Simd for Avx2 {
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 pub(crate) fn run<K: crate::Kernel>(kernel: K) -> K::Output {
     kernel.run(Avx2(()))
+}
+
+/// Runs a part of a kernel in a function of its own, compiled for this backend.
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+#[inline(never)]
+fn run_part<P: Part<Avx2>>(part: P) -> P::Output {
+    part.run(Avx2(()))
 }
 
 /// Whether the machine has the instructions.

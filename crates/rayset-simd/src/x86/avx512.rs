@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use crate::{CullLanes, LaneMask, Lanes, Simd};
+use crate::{CullLanes, LaneMask, Lanes, Part, Simd};
 
 /// The backend of AVX-512 (F, BW, DQ and VL).
 ///
@@ -113,6 +113,12 @@ impl Simd for Avx512 {
     type F32 = Avx512F32;
 
     #[inline(always)]
+    fn outline<P: Part<Self>>(self, part: P) -> P::Output {
+        // SAFETY: the token exists only where the machine has the instructions.
+        unsafe { run_part(part) }
+    }
+
+    #[inline(always)]
     fn splat_f64(self, value: f64) -> Avx512F64 {
         // SAFETY: see `register_lanes`; the same for the others.
         Avx512F64(unsafe { _mm512_set1_pd(value) })
@@ -151,6 +157,29 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn narrow_f32(self, values: &[f64], offset: f64, scale: f64) -> Avx512F32 {
+        let values = &values[..16];
+        // SAFETY: the slice holds two registers.
+        Avx512F32(unsafe {
+            let (offset, scale) = (_mm512_set1_pd(offset), _mm512_set1_pd(scale));
+            let low = _mm512_mul_pd(_mm512_sub_pd(_mm512_loadu_pd(values.as_ptr()), offset), scale);
+            let high = _mm512_mul_pd(_mm512_sub_pd(_mm512_loadu_pd(values.as_ptr().add(8)), offset), scale);
+            let low = _mm512_castps256_ps512(_mm512_cvtpd_ps(low));
+            _mm512_insertf32x8::<1>(low, _mm512_cvtpd_ps(high))
+        })
+    }
+
+    #[inline(always)]
+    fn equal_u32(self, values: &[u32], wanted: u32) -> Avx512M32 {
+        let values = &values[..16];
+        // SAFETY: the slice holds a register.
+        Avx512M32(unsafe {
+            let values = _mm512_loadu_si512(values.as_ptr().cast());
+            _mm512_cmpeq_epi32_mask(values, _mm512_set1_epi32(wanted.cast_signed()))
+        })
+    }
+
+    #[inline(always)]
     fn compress_u32(self, mask: Avx512M32, values: &[u32], out: &mut [u32]) {
         let (values, out) = (&values[..16], &mut out[..16]);
         // SAFETY: both slices hold a register.
@@ -165,6 +194,13 @@ impl Simd for Avx512 {
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 pub(crate) fn run<K: crate::Kernel>(kernel: K) -> K::Output {
     kernel.run(Avx512(()))
+}
+
+/// Runs a part of a kernel in a function of its own, compiled for this backend.
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+#[inline(never)]
+fn run_part<P: Part<Avx512>>(part: P) -> P::Output {
+    part.run(Avx512(()))
 }
 
 /// Whether the machine has the instructions.
