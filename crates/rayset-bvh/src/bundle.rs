@@ -15,8 +15,10 @@ use crate::packet::{Packet, RayColumns, Shaft, level};
 use crate::shapes::Hit;
 use crate::together::{Exact, Hidden, Nearest, Progress, Question};
 
-/// What a shaft may cost a ray, as a share of the steps of a ray alone: two are a half.
-const BUDGET_SHARE: u64 = 2;
+/// What a shaft may cost: this share of the steps that its rays would take alone.
+const BUDGET_SHARE: [u64; 2] = [1, 2];
+/// What it costs to make a packet, in steps.
+const PACKET_STEPS: u64 = 2;
 /// Fewer rays than this are traced one by one.
 const LEAST_PACKET: usize = 4;
 /// After how many shafts at most one is tried again.
@@ -49,8 +51,11 @@ struct Class {
 struct Trial {
     /// How many are not tried.
     wait: u32,
-    /// How many will not be tried after the next that is given up.
+    /// How many will not be tried after the next loss.
     next_wait: u32,
+    /// Steps spent and saved of late.
+    spent: u64,
+    saved: u64,
 }
 
 /// How many classes of rays are told apart, at most.
@@ -68,7 +73,7 @@ pub struct Bundled {
 }
 
 impl Trial {
-    const NEW: Self = Self { wait: 1, next_wait: 1 };
+    const NEW: Self = Self { wait: 1, next_wait: 1, spent: 0, saved: 0 };
 
     /// Whether to try the next.
     fn is_due(&mut self) -> bool {
@@ -76,10 +81,13 @@ impl Trial {
         self.wait == 0
     }
 
-    fn end(&mut self, is_done: bool) {
-        if is_done {
-            self.next_wait = (self.next_wait / 2).max(1);
-            self.wait = 1;
+    /// Takes in what a shaft took, and what its rays would have taken alone if it has answered them.
+    fn end(&mut self, spent: u64, saved: u64) {
+        // What is long ago counts less and less.
+        self.spent = self.spent / 8 * 7 + spent;
+        self.saved = self.saved / 8 * 7 + saved;
+        if self.saved >= self.spent {
+            (self.wait, self.next_wait) = (1, 1);
         } else {
             self.wait = self.next_wait;
             self.next_wait = (2 * self.next_wait).min(LONGEST_WAIT);
@@ -88,10 +96,13 @@ impl Trial {
 }
 
 impl Class {
-    /// How many steps a shaft of some rays may take.
-    fn budget(&self, rays: usize) -> u64 {
+    /// How many steps some rays would take alone.
+    fn steps(&self, rays: usize) -> u64 {
         let (steps, alone) = self.alone;
-        rays as u64 * steps.checked_div(alone).unwrap_or(FIRST_STEPS).max(1) / BUDGET_SHARE
+        if alone == 0 {
+            return rays as u64 * FIRST_STEPS;
+        }
+        (rays as u64 * steps / alone).max(1)
     }
 }
 
@@ -177,14 +188,11 @@ trait List {
         asked: Self::Asked<S, W>,
     );
 
-    /// Traces a ray alone that is not answered yet; its place may hold an upper bound.
-    fn trace_alone<S: Simd, const W: usize>(
+    /// Traces rays alone; places hold upper bounds if something is known of these rays.
+    fn trace_alone<S: Simd, const W: usize, const KNOWN: bool>(
         &mut self,
         simd: S,
-        wide: &Wide<W>,
-        frame: &Frame,
-        rays: &RayColumns<'_>,
-        ray: usize,
+        alone: Alone<'_, W>,
         scratch: &mut Scratch,
     );
 }
@@ -207,17 +215,18 @@ impl List for NearestHits<'_> {
     }
 
     #[inline(always)]
-    fn trace_alone<S: Simd, const W: usize>(
+    fn trace_alone<S: Simd, const W: usize, const KNOWN: bool>(
         &mut self,
         simd: S,
-        wide: &Wide<W>,
-        frame: &Frame,
-        rays: &RayColumns<'_>,
-        i: usize,
+        Alone { wide, frame, rays, range }: Alone<'_, W>,
         scratch: &mut Scratch,
     ) {
-        let (ray, span) = rays.ray(i);
-        self.0[i] = wide.nearest(simd, frame, &ray, span, rays.left(i), self.0[i], scratch);
+        let rays = rays.cut(range.clone());
+        for (i, hit) in self.0[range].iter_mut().enumerate().take(rays.spans.0.len()) {
+            let (ray, span) = rays.ray(i);
+            let known = if KNOWN { *hit } else { None };
+            *hit = wide.nearest(simd, frame, &ray, span, rays.left(i), known, scratch);
+        }
     }
 }
 
@@ -241,20 +250,29 @@ impl List for Occluded<'_> {
     }
 
     #[inline(always)]
-    fn trace_alone<S: Simd, const W: usize>(
+    fn trace_alone<S: Simd, const W: usize, const KNOWN: bool>(
         &mut self,
         simd: S,
-        wide: &Wide<W>,
-        frame: &Frame,
-        rays: &RayColumns<'_>,
-        i: usize,
+        Alone { wide, frame, rays, range }: Alone<'_, W>,
         scratch: &mut Scratch,
     ) {
-        if !self.0[i] {
-            let (ray, span) = rays.ray(i);
-            self.0[i] = wide.occluded(simd, frame, &ray, span, rays.left(i), scratch);
+        let rays = rays.cut(range.clone());
+        for (i, occluded) in self.0[range].iter_mut().enumerate().take(rays.spans.0.len()) {
+            if !(KNOWN && *occluded) {
+                let (ray, span) = rays.ray(i);
+                *occluded = wide.occluded(simd, frame, &ray, span, rays.left(i), scratch);
+            }
         }
     }
+}
+
+/// Rays that are traced one by one.
+#[derive(Clone, Debug)]
+struct Alone<'a, const W: usize> {
+    wide: &'a Wide<W>,
+    frame: &'a Frame,
+    rays: &'a RayColumns<'a>,
+    range: Range<usize>,
 }
 
 impl<const W: usize> Wide<W> {
@@ -287,7 +305,7 @@ impl<const W: usize> Wide<W> {
                 }
             };
             if !is_answered {
-                self.alone(simd, frame, rays, first..first + len, class, &mut list, scratch);
+                self.alone::<S, L, false>(simd, frame, rays, first..first + len, class, &mut list, scratch);
             }
             first += len;
         }
@@ -296,7 +314,7 @@ impl<const W: usize> Wide<W> {
     /// Rays one by one.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "as above")]
-    fn alone<S: Simd, L: List>(
+    fn alone<S: Simd, L: List, const KNOWN: bool>(
         &self,
         simd: S,
         frame: &Frame,
@@ -307,9 +325,9 @@ impl<const W: usize> Wide<W> {
         scratch: &mut BundleScratch,
     ) {
         let n = range.len() as u64;
-        let single = &mut scratch.single;
-        let before = single.steps;
-        simd.outline(Alone { wide: self, frame, rays, range, list, single });
+        let before = scratch.single.steps;
+        let alone = Alone { wide: self, frame, rays, range };
+        simd.outline(TraceAlone::<_, W, KNOWN> { alone, list, scratch: &mut scratch.single });
         let after = scratch.single.steps;
         let (steps, alone) = &mut scratch.classes[class].alone;
         *steps += after.nodes + after.leaves - before.nodes - before.leaves;
@@ -338,20 +356,25 @@ impl<const W: usize> Wide<W> {
             packets.push(Packet::<S, W>::new(simd, frame, rays, first + p * W, (len - p * W).min(W)));
         }
         let Some(unit) = level(simd, frame, &mut packets) else {
-            self.alone(simd, frame, rays, first..first + len, class, list, scratch);
+            self.alone::<S, L, false>(simd, frame, rays, first..first + len, class, list, scratch);
             return;
         };
         let mut asked = [L::Asked::<S, W>::new(simd); W];
         let exact = Exact { shapes: &self.shapes, frame, rays };
         let mut is_done = false;
         if try_tile {
+            let alone = scratch.classes[class].steps(len);
+            let mut spent = PACKET_STEPS * n as u64;
             if let Some(shaft) = Shaft::around(simd, &mut packets, unit) {
-                let budget = scratch.classes[class].budget(len);
+                let budget = alone * BUDGET_SHARE[0] / BUDGET_SHARE[1];
                 let (packets, asked, scratch) = (&mut packets[..], &mut asked[..], &mut scratch.single);
                 let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
-                is_done = simd.outline(Descent { shaft, packets, asked, tree, exact, budget, scratch });
+                let descent = Descent { shaft, packets, asked, tree, exact, budget, scratch };
+                let steps;
+                (is_done, steps) = simd.outline(descent);
+                spent += steps;
             }
-            scratch.classes[class].tiles.end(is_done);
+            scratch.classes[class].tiles.end(spent, if is_done { alone } else { 0 });
         }
         if is_done {
             scratch.bundled.tiles += len as u64;
@@ -363,49 +386,47 @@ impl<const W: usize> Wide<W> {
         for (packet, asked) in packets.iter_mut().zip(&mut asked) {
             let mut is_done = false;
             if packet.len >= LEAST_PACKET && scratch.classes[class].packets.is_due() {
+                let alone = scratch.classes[class].steps(packet.len);
+                let mut spent = PACKET_STEPS;
                 let packets = std::slice::from_mut(&mut *packet);
                 if let Some(shaft) = Shaft::around(simd, packets, unit) {
-                    let budget = scratch.classes[class].budget(packets[0].len);
+                    let budget = alone * BUDGET_SHARE[0] / BUDGET_SHARE[1];
                     let (asked, scratch) = (std::slice::from_mut(&mut *asked), &mut scratch.single);
                     let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
-                    is_done = simd.outline(Descent { shaft, packets, asked, tree, exact, budget, scratch });
+                    let descent = Descent { shaft, packets, asked, tree, exact, budget, scratch };
+                    let steps;
+                    (is_done, steps) = simd.outline(descent);
+                    spent += steps;
                 }
-                scratch.classes[class].packets.end(is_done);
+                scratch.classes[class].packets.end(spent, if is_done { alone } else { 0 });
             }
             list.answer(simd, &exact, packet, *asked);
             if is_done {
                 scratch.bundled.packets += packet.len as u64;
             } else {
                 let range = packet.first..packet.first + packet.len;
-                self.alone(simd, frame, rays, range, class, list, scratch);
+                self.alone::<S, L, true>(simd, frame, rays, range, class, list, scratch);
             }
         }
     }
 }
 
-/// Rays that are traced one by one.
-struct Alone<'a, L, const W: usize> {
-    wide: &'a Wide<W>,
-    frame: &'a Frame,
-    rays: &'a RayColumns<'a>,
-    range: Range<usize>,
+struct TraceAlone<'a, L, const W: usize, const KNOWN: bool> {
+    alone: Alone<'a, W>,
     list: &'a mut L,
-    single: &'a mut Scratch,
+    scratch: &'a mut Scratch,
 }
 
-impl<S: Simd, L: List, const W: usize> Part<S> for Alone<'_, L, W> {
+impl<S: Simd, L: List, const W: usize, const KNOWN: bool> Part<S> for TraceAlone<'_, L, W, KNOWN> {
     type Output = ();
 
     #[inline(always)]
     fn run(self, simd: S) {
-        let Self { wide, frame, rays, range, list, single } = self;
-        for i in range {
-            list.trace_alone(simd, wide, frame, rays, i, single);
-        }
+        self.list.trace_alone::<S, W, KNOWN>(simd, self.alone, self.scratch);
     }
 }
 
-/// Takes packets through the tree under one shaft; whether they came to an end.
+/// Takes packets through the tree under one shaft; whether they came to an end, and the steps spent.
 struct Descent<'a, S: Simd, Q, const W: usize> {
     shaft: &'a Shaft<S>,
     packets: &'a mut [Packet<S, W>],
@@ -418,10 +439,10 @@ struct Descent<'a, S: Simd, Q, const W: usize> {
 }
 
 impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for Descent<'_, S, Q, W> {
-    type Output = bool;
+    type Output = (bool, u64);
 
     #[inline(always)]
-    fn run(self, simd: S) -> bool {
+    fn run(self, simd: S) -> (bool, u64) {
         let Self { shaft, packets, asked, tree, exact, budget, scratch } = self;
         let Scratch { stack, steps, primitive_tests } = scratch;
         let stack = stack.together.as_mut_slice();
@@ -443,7 +464,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for Descent<'_, S, Q, W
             if height == 0 {
                 break true;
             }
-            if nodes + leaves + progress.shaft_tests + progress.packet_tests > budget {
+            if spent(nodes, leaves, &progress) > budget {
                 break false;
             }
             height -= 1;
@@ -452,6 +473,11 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for Descent<'_, S, Q, W
         steps.nodes += nodes + progress.shaft_tests;
         steps.leaves += leaves;
         *primitive_tests += progress.ray_tests;
-        is_done
+        (is_done, spent(nodes, leaves, &progress))
     }
+}
+
+/// The steps of a descent: nodes, leaves, and tests of a primitive.
+fn spent<const W: usize>(nodes: u64, leaves: u64, progress: &Progress<W>) -> u64 {
+    nodes + leaves + progress.shaft_tests + progress.packet_tests
 }

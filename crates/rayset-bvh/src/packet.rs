@@ -8,6 +8,8 @@
 //! Source: Reshetov, Soupikov and Hurley 2005, "Multi-level ray tracing algorithm", for traversal by a frustum; the
 //! form with one dominant axis is that of Boulos, Wald and Benthin 2008, "Adaptive ray packet reordering".
 
+use std::ops::Range;
+
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Side, Span};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
@@ -46,6 +48,19 @@ pub struct RayColumns<'a> {
 }
 
 impl RayColumns<'_> {
+    /// Some of the rays.
+    #[inline(always)]
+    pub(crate) fn cut(&self, range: Range<usize>) -> Self {
+        let n = range.len();
+        let ([ox, oy, oz], [dx, dy, dz]) = (self.origins, self.directions);
+        Self {
+            origins: [&ox[range.clone()][..n], &oy[range.clone()][..n], &oz[range.clone()][..n]],
+            directions: [&dx[range.clone()][..n], &dy[range.clone()][..n], &dz[range.clone()][..n]],
+            spans: (&self.spans.0[range.clone()][..n], &self.spans.1[range.clone()][..n]),
+            left: if self.left.is_empty() { self.left } else { &self.left[range] },
+        }
+    }
+
     #[inline(always)]
     pub(crate) fn ray(&self, i: usize) -> (Ray, Span) {
         let at = |columns: &[&[f64]; 3]| DVec3::new(columns[0][i], columns[1][i], columns[2][i]);
