@@ -479,3 +479,92 @@ impl<S: Simd, const W: usize> Planes<S> for Node<W> {
         simd.load_f32(&self.planes[plane])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rayset_geometry::{BoundingBox, unit};
+    use rayset_simd::{Backend, Kernel};
+
+    use super::*;
+    use crate::frame::CullBox;
+
+    /// One box, the same in every lane.
+    struct One(CullBox);
+
+    impl<S: Simd> Planes<S> for One {
+        fn plane(&self, simd: S, plane: usize) -> S::F32 {
+            simd.splat_f32(if plane < 3 { self.0.low[plane] } else { self.0.high[plane - 3] })
+        }
+    }
+
+    /// How many boxes that the outermost ray of a packet touches are said to be missed by the packet's shaft, and by the
+    /// packet's own lane of a shaft, if margins are multiplied by `factor`.
+    struct Grazing {
+        factor: f32,
+    }
+
+    impl Kernel for Grazing {
+        type Output = (usize, usize);
+
+        fn run<S: Simd>(self, simd: S) -> (usize, usize) {
+            if S::F32::LANES == 16 { grazing::<S, 16>(simd, self.factor) } else { grazing::<S, 8>(simd, self.factor) }
+        }
+    }
+
+    fn grazing<S: Simd, const W: usize>(simd: S, factor: f32) -> (usize, usize) {
+        let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
+        let (mut by_shaft, mut by_packet) = (0, 0);
+        for i in 0..3000 {
+            let at = |k: f64| (f64::from(i) * k).fract();
+            // Coordinates that single precision has exactly.
+            let exactly = |x: f64| f64::from((x * 1024.0).round() as f32 / 1024.0);
+            let eye = DVec3::new(3.0 * at(0.618_033_9) - 1.5, at(0.754_877_7) - 0.5, -1.2 - at(0.569_840_3));
+            let touched = DVec3::new(
+                exactly(1.4 * at(0.819_172_5) - 0.7),
+                exactly(at(0.671_043_6) - 0.5),
+                exactly(1.6 * at(0.549_700_4) - 0.8),
+            );
+            let mut columns: [Vec<f64>; 6] = Default::default();
+            for lane in 0..2 * W {
+                // The first touches; the others pass on the side of lower x, about as high.
+                let aside = 0.02 * (lane as f64) * (1.0 + at(0.320_471_1));
+                let target = touched - DVec3::new(aside, 0.3 * aside * (at(0.438_579_2) - 0.5), 0.0);
+                let direction = unit(target - eye).expect("they are apart");
+                for k in 0..3 {
+                    columns[k].push(eye[k]);
+                    columns[3 + k].push(direction[k]);
+                }
+            }
+            let (starts, ends) = (vec![0.0; 2 * W], vec![f64::INFINITY; 2 * W]);
+            let [ox, oy, oz, dx, dy, dz] = &columns;
+            let rays = RayColumns {
+                origins: [ox, oy, oz],
+                directions: [dx, dy, dz],
+                spans: (&starts, &ends),
+                left: &[],
+            };
+            let mut packets =
+                [Packet::<S, W>::new(simd, &frame, &rays, 0, W), Packet::new(simd, &frame, &rays, W, W)];
+            let unit = level(simd, &frame, &mut packets).expect("they start nearby");
+            let Some(shaft) = Shaft::around(simd, &mut packets, factor * unit) else { continue };
+            // Flat across the axis, so that no end of the box is worse than the other.
+            let corner = touched + DVec3::new(0.1, 0.0, 0.0);
+            let (low, high) = (touched - 0.3 * DVec3::Y, corner + 0.3 * DVec3::Y);
+            let bounds = frame.cull_box(&BoundingBox { min: low, max: high });
+            let reaches: [f32; W] = std::array::from_fn(|_| BEYOND);
+            by_shaft += usize::from(shaft.candidates(simd, &One(bounds), BEYOND) & 1 == 0);
+            let met = shaft.packets_that_meet(simd, [bounds.low, bounds.high], &reaches);
+            by_packet += usize::from(met & 1 == 0);
+        }
+        (by_shaft, by_packet)
+    }
+
+    #[test]
+    fn shaft_margin_is_needed() {
+        for &backend in Backend::available() {
+            assert_eq!(backend.run(Grazing { factor: 1.0 }), (0, 0), "{backend}");
+            let (by_shaft, by_packet) = backend.run(Grazing { factor: 0.0 });
+            assert!(by_shaft > 100 && by_packet > 100, "{backend}: {by_shaft}, {by_packet}");
+        }
+    }
+}
