@@ -192,7 +192,7 @@ fn picture(
         width,
         height,
         cutoff: None,
-        order: combination.order,
+        order: Some(combination.order),
         sweep: SweepLength::Rows(8),
         bundle_len: Some(combination.bundle_len.unwrap_or((width * height) as usize)),
         layers: LAYERS.into_iter().collect::<Layers>(),

@@ -36,7 +36,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     source: Source,
     /// How rays find what they hit; every strategy but speer-1985 gives the same bits.
-    #[arg(long, value_name = "NAME", default_value = "standard")]
+    #[arg(long, value_name = "NAME", default_value = StrategyKind::default().name())]
     strategy: StrategyKind,
     /// Pixels across and down; by default what the scene asks for, or 512x512.
     #[arg(long, value_name = "WxH")]
@@ -51,9 +51,9 @@ pub(crate) struct Options {
     /// Leaves out rays that can add no more than this share of their intensity to the pixel; `off` for none.
     #[arg(long, value_name = "X|off", default_value = "0.00390625")]
     cutoff: Cutoff,
-    /// The order of pixels, which guides what is retained: scanline, serpentine, tiles or tiles=N. Changes no pixel.
-    #[arg(long, value_name = "ORDER", default_value = "scanline", value_parser = values::order)]
-    order: PixelOrder,
+    /// The order of pixels: scanline, serpentine, tiles or tiles=N; by default what suits the strategy. Changes no pixel.
+    #[arg(long, value_name = "ORDER", value_parser = values::order)]
+    order: Option<PixelOrder>,
     /// Threads; by default one for each processor. Changes no pixel and no count.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,

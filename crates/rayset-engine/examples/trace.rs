@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let reading = Speer1985Options { audit: true, ..Speer1985Options::default() };
     let speer = render(&Speer1985::on(&scene, Backend::Scalar, reading), &paper)?;
     let tiles =
-        RenderOptions { order: PixelOrder::Tiles(16), sweep: RenderOptions::default().sweep, ..paper };
+        RenderOptions { order: Some(PixelOrder::Tiles(16)), sweep: RenderOptions::default().sweep, ..paper };
     let coherent = render(&Coherent::on(&scene, Backend::Scalar), &tiles)?;
 
     println!("{count} spheres, {resolution} x {resolution} pixels\n\n{}", standard.counts);

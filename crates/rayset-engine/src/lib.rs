@@ -53,7 +53,7 @@ pub use stats::{CoherenceCounts, StageCounts, Stats, Work};
 #[cfg(feature = "mutations")]
 pub use strategies::Condition;
 pub use strategies::{
-    BlockerRule, Bundle, Cellular, Coherent, EndPlaneRule, Hierarchical, InheritanceRule, LightRule,
+    Auto, BlockerRule, Bundle, Cellular, Coherent, EndPlaneRule, Hierarchical, InheritanceRule, LightRule,
     MatchRule, MissRule, OriginatingRule, SlabRule, Speer1985, Speer1985Options, Standard, StrategyKind,
     UnknownReading, UnknownStrategy,
 };

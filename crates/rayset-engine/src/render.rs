@@ -37,8 +37,8 @@ pub struct RenderOptions {
     pub max_depth: u32,
     /// The adaptive cut-off: see [`TreeOptions::cutoff`].
     pub cutoff: Option<f64>,
-    /// The order in which a sweep visits initial rays.
-    pub order: PixelOrder,
+    /// The order in which a sweep visits initial rays; `None` for what the strategy prefers. Changes no result.
+    pub order: Option<PixelOrder>,
     /// How much of the image a sweep covers, in rows of initial rays.
     pub sweep: SweepLength,
     /// How many ray-sets are traced together; `None` for what the strategy prefers. Changes no result.
@@ -48,7 +48,7 @@ pub struct RenderOptions {
 }
 
 impl Default for RenderOptions {
-    /// 512 by 512 pixels, a ray through the middle of each, depth 5, cut-off 1/256, scanlines, sweeps of 16 rows.
+    /// 512 by 512 pixels, a ray through the middle of each, depth 5, cut-off 1/256, sweeps of 16 rows.
     fn default() -> Self {
         Self {
             width: 512,
@@ -57,7 +57,7 @@ impl Default for RenderOptions {
             crop: None,
             max_depth: 5,
             cutoff: Some(1.0 / 256.0),
-            order: PixelOrder::Scanline,
+            order: None,
             sweep: SweepLength::default(),
             bundle_len: None,
             layers: Layers::default(),
@@ -157,7 +157,8 @@ pub fn render_observed(
         canvas.absorb(sweep);
         Ok(())
     };
-    let bands = options.order.sweeps(height_of(&canvas.grid), canvas.sweep_length(options.sweep));
+    let order = options.order.unwrap_or_else(|| strategy.preferred_order());
+    let bands = order.sweeps(height_of(&canvas.grid), canvas.sweep_length(options.sweep));
     #[cfg(feature = "parallel")]
     let outcome: Result<(), RenderError> = bands.into_par_iter().try_for_each(run);
     #[cfg(not(feature = "parallel"))]
@@ -326,7 +327,8 @@ fn sweep(
     let width = width_of(&canvas.grid);
     let first = rows.start * width;
     let mut places = Vec::new();
-    options.order.extend_with_pixels(&mut places, width, rows.clone());
+    let order = options.order.unwrap_or_else(|| strategy.preferred_order());
+    order.extend_with_pixels(&mut places, width, rows.clone());
     let mut radiance = vec![Color::ZERO; places.len()];
     let (mut scratch, mut colors) = (Vec::new(), Vec::new());
     let tree_options = TreeOptions { max_depth: options.max_depth, cutoff: options.cutoff };

@@ -3,7 +3,9 @@
 use rayset_scene::Scene;
 use rayset_simd::{Backend, Kernel, Simd};
 
-use crate::{Answers, Generation, Hit, QueryWork, RayQuery, ShadowGeneration, ShadowQuery, Stats, Work};
+use crate::{
+    Answers, Generation, Hit, PixelOrder, QueryWork, RayQuery, ShadowGeneration, ShadowQuery, Stats, Work,
+};
 
 /// What a tracer writes down beside its answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -37,6 +39,11 @@ pub trait IntersectionStrategy: Sync {
     /// How many ray-sets it likes to answer together.
     fn preferred_bundle_len(&self) -> usize {
         64
+    }
+
+    /// The order in which it likes to visit pixels.
+    fn preferred_order(&self) -> PixelOrder {
+        PixelOrder::Scanline
     }
 
     /// Starts a sweep with nothing retained.

@@ -20,7 +20,7 @@ const OPTIONS: RenderOptions = RenderOptions {
     height: 31,
     max_depth: 5,
     cutoff: Some(1.0 / 256.0),
-    order: PixelOrder::Scanline,
+    order: Some(PixelOrder::Scanline),
     sweep: SweepLength::WholeImage,
     bundle_len: Some(16),
     layers: Layers::BEAUTY,

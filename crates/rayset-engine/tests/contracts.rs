@@ -20,7 +20,7 @@ const OPTIONS: RenderOptions = RenderOptions {
     height: 17,
     max_depth: 5,
     cutoff: None,
-    order: PixelOrder::Scanline,
+    order: Some(PixelOrder::Scanline),
     sweep: SweepLength::Rows(4),
     bundle_len: Some(9),
     layers: Layers::BEAUTY,
@@ -51,7 +51,7 @@ fn contract_1_queries_of_a_slot_arrive_in_increasing_order_of_ray_sets() {
     let orders = [PixelOrder::Scanline, PixelOrder::Serpentine, PixelOrder::Tiles(4)];
     for test in &scenes::all() {
         for (order, bundle_len) in orders.into_iter().flat_map(|order| [1, 9, 1000].map(|len| (order, len))) {
-            let options = RenderOptions { order, bundle_len: Some(bundle_len), ..OPTIONS };
+            let options = RenderOptions { order: Some(order), bundle_len: Some(bundle_len), ..OPTIONS };
             for sweep in queries_of(&test.scene, &options) {
                 let mut last: HashMap<(Slot, Option<LightId>), RaySetIndex> = HashMap::new();
                 for query in &sweep {

@@ -142,7 +142,7 @@ fn every_answer_without_a_partition_is_that_of_brute_force() {
                 let options = RenderOptions {
                     width: 311,
                     height: 61,
-                    order,
+                    order: Some(order),
                     sweep: SweepLength::Rows(16),
                     bundle_len: Some(bundle_len),
                     ..RenderOptions::default()

@@ -51,7 +51,7 @@ impl Default for Conditions {
         let (spheres, options) = (RandomSpheres::default(), RenderOptions::default());
         Self {
             reading: Speer1985Options::default(),
-            order: options.order,
+            order: PixelOrder::Scanline,
             resolution: options.width,
             size: spheres.size,
             reflectance: spheres.reflectance,
@@ -94,7 +94,7 @@ impl Conditions {
             width: self.resolution,
             height: self.resolution,
             cutoff: self.cutoff,
-            order: self.order,
+            order: Some(self.order),
             sweep: SweepLength::WholeImage,
             ..RenderOptions::default()
         }

@@ -67,13 +67,13 @@ impl Case<'_> {
             height: (16_384 / width).min(64),
             max_depth: 5,
             cutoff: dice.pick(&[None, Some(1.0 / 256.0)]),
-            order: dice.pick(&[
+            order: Some(dice.pick(&[
                 PixelOrder::Scanline,
                 PixelOrder::Scanline,
                 PixelOrder::Serpentine,
                 PixelOrder::Tiles(4),
                 PixelOrder::Tiles(16),
-            ]),
+            ])),
             sweep: dice.pick(&[SweepLength::Rows(8), SweepLength::Rows(16), SweepLength::WholeImage]),
             bundle_len: Some(dice.pick(&[1, 7, 64, 1 << 16])),
             eye_rays: dice.pick(&[EyeRays::default(), EyeRays::default(), EyeRays::Corners]),

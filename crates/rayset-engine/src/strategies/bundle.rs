@@ -14,7 +14,7 @@ use rayset_simd::{Backend, Kernel, Lanes, Simd};
 
 use super::hierarchical::{hierarchy_of, hit_of, objects_of};
 use crate::{
-    Answers, Generation, Hit, IntersectionStrategy, Originating, QueryWork, RayKind, RayQuery, Recording,
+    Answers, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, QueryWork, RayKind, RayQuery, Recording,
     ShadowGeneration, ShadowQuery, Slot, StageCounts, Stats, Tracer, Work,
 };
 
@@ -41,6 +41,13 @@ impl<'s> Bundle<'s> {
     }
 }
 
+impl Bundle<'_> {
+    /// The hierarchy, and the object of each primitive.
+    pub(super) fn parts(&self) -> (&Hierarchy, &[ObjectId]) {
+        (&self.hierarchy, &self.objects)
+    }
+}
+
 impl IntersectionStrategy for Bundle<'_> {
     fn name(&self) -> &'static str {
         "bundle"
@@ -54,25 +61,22 @@ impl IntersectionStrategy for Bundle<'_> {
         self.scene
     }
 
-    /// A tile of 16 x 16 pixels.
+    /// A tile.
     fn preferred_bundle_len(&self) -> usize {
         256
     }
 
+    /// Tiles of 16 x 16 pixels.
+    fn preferred_order(&self) -> PixelOrder {
+        PixelOrder::Tiles(16)
+    }
+
     fn begin_sweep(&self, recording: Recording) -> Box<dyn Tracer + '_> {
-        Box::new(BundleTracer {
-            hierarchy: &self.hierarchy,
-            objects: &self.objects,
-            scratch: self.hierarchy.bundle_scratch(),
-            left: Vec::new(),
-            hits: Vec::new(),
-            recording,
-            stats: Stats::default(),
-        })
+        Box::new(BundleTracer::new(&self.hierarchy, &self.objects, recording))
     }
 }
 
-struct BundleTracer<'s> {
+pub(super) struct BundleTracer<'s> {
     hierarchy: &'s Hierarchy,
     objects: &'s [ObjectId],
     scratch: BundleScratch,
@@ -86,7 +90,13 @@ struct BundleTracer<'s> {
 /// The classes of rays that ask for the nearest hit; as many ask whether there is any.
 const CLASSES: usize = 32;
 
-impl BundleTracer<'_> {
+impl<'s> BundleTracer<'s> {
+    pub(super) fn new(hierarchy: &'s Hierarchy, objects: &'s [ObjectId], recording: Recording) -> Self {
+        let scratch = hierarchy.bundle_scratch();
+        let (left, hits) = (Vec::new(), Vec::new());
+        Self { hierarchy, objects, scratch, left, hits, recording, stats: Stats::default() }
+    }
+
     /// What the rays leave; nothing if they are initial rays.
     fn find_left(&mut self, rays: &Generation) {
         self.left.clear();

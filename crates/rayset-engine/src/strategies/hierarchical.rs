@@ -78,17 +78,11 @@ impl IntersectionStrategy for Hierarchical<'_> {
     }
 
     fn begin_sweep(&self, recording: Recording) -> Box<dyn Tracer + '_> {
-        Box::new(HierarchicalTracer {
-            hierarchy: &self.hierarchy,
-            objects: &self.objects,
-            scratch: self.hierarchy.scratch(),
-            recording,
-            stats: Stats::default(),
-        })
+        Box::new(HierarchicalTracer::new(&self.hierarchy, &self.objects, recording))
     }
 }
 
-struct HierarchicalTracer<'s> {
+pub(super) struct HierarchicalTracer<'s> {
     hierarchy: &'s Hierarchy,
     objects: &'s [ObjectId],
     scratch: Scratch,
@@ -101,6 +95,12 @@ struct HierarchicalTracer<'s> {
 pub(super) fn hit_of(objects: &[ObjectId], hit: rayset_bvh::Hit) -> Hit {
     let primitive = PrimitiveId(hit.primitive);
     Hit { t: hit.t, object: objects[hit.primitive as usize], primitive }
+}
+
+impl<'s> HierarchicalTracer<'s> {
+    pub(super) fn new(hierarchy: &'s Hierarchy, objects: &'s [ObjectId], recording: Recording) -> Self {
+        Self { hierarchy, objects, scratch: hierarchy.scratch(), recording, stats: Stats::default() }
+    }
 }
 
 impl HierarchicalTracer<'_> {

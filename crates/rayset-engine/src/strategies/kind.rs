@@ -7,11 +7,11 @@ use rayset_scene::Scene;
 use rayset_simd::Backend;
 
 use crate::{
-    Bundle, Cellular, Coherent, Hierarchical, IntersectionStrategy, Speer1985, Speer1985Options, Standard,
+    Auto, Bundle, Cellular, Coherent, Hierarchical, IntersectionStrategy, Speer1985, Speer1985Options, Standard,
 };
 
 /// A strategy, not yet bound to a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum StrategyKind {
     /// [`Standard`].
@@ -26,6 +26,9 @@ pub enum StrategyKind {
     Hierarchical,
     /// [`Bundle`].
     Bundle,
+    /// [`Auto`]: the default.
+    #[default]
+    Auto,
 }
 
 /// The text is not the name of a strategy.
@@ -36,8 +39,15 @@ pub struct UnknownStrategy {
 
 impl StrategyKind {
     /// Every strategy.
-    pub const ALL: &[Self] =
-        &[Self::Standard, Self::Speer1985, Self::Coherent, Self::Cellular, Self::Hierarchical, Self::Bundle];
+    pub const ALL: &[Self] = &[
+        Self::Standard,
+        Self::Speer1985,
+        Self::Coherent,
+        Self::Cellular,
+        Self::Hierarchical,
+        Self::Bundle,
+        Self::Auto,
+    ];
 
     /// The name by which options and reports know it.
     #[must_use]
@@ -49,6 +59,7 @@ impl StrategyKind {
             Self::Cellular => "cellular",
             Self::Hierarchical => "hierarchical",
             Self::Bundle => "bundle",
+            Self::Auto => "auto",
         }
     }
 
@@ -56,7 +67,12 @@ impl StrategyKind {
     #[must_use]
     pub fn is_exact(self) -> bool {
         match self {
-            Self::Standard | Self::Coherent | Self::Cellular | Self::Hierarchical | Self::Bundle => true,
+            Self::Standard
+            | Self::Coherent
+            | Self::Cellular
+            | Self::Hierarchical
+            | Self::Bundle
+            | Self::Auto => true,
             Self::Speer1985 => false,
         }
     }
@@ -76,6 +92,7 @@ impl StrategyKind {
             Self::Cellular => Box::new(Cellular::on(scene, backend)),
             Self::Hierarchical => Box::new(Hierarchical::on(scene, backend)),
             Self::Bundle => Box::new(Bundle::on(scene, backend)),
+            Self::Auto => Box::new(Auto::on(scene, backend)),
             Self::Speer1985 => Box::new(Speer1985::on(scene, backend, Speer1985Options::default())),
         }
     }
@@ -125,7 +142,7 @@ mod tests {
         let error = "octree".parse::<StrategyKind>().unwrap_err();
         assert_eq!(
             error.to_string(),
-            "`octree` is no strategy; there are standard, speer-1985, coherent, cellular, hierarchical, bundle"
+            "`octree` is no strategy; there are standard, speer-1985, coherent, cellular, hierarchical, bundle, auto"
         );
     }
 }

@@ -1,5 +1,6 @@
 //! The intersection strategies.
 
+mod auto;
 mod bundle;
 mod cellular;
 mod coherent;
@@ -9,6 +10,7 @@ mod partition;
 mod speer_1985;
 mod standard;
 
+pub use auto::Auto;
 pub use bundle::Bundle;
 pub use cellular::Cellular;
 pub use coherent::Coherent;

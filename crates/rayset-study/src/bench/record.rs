@@ -226,7 +226,7 @@ mod tests {
             height: 40,
             max_depth: DEPTH,
             cutoff: None,
-            order: PixelOrder::Tiles(TILE),
+            order: Some(PixelOrder::Tiles(TILE)),
             ..RenderOptions::default()
         };
         let counts = render(&Standard::new(&scene), &options).unwrap().counts;

@@ -104,7 +104,7 @@ fn options(cell: &CoherenceCell, band: Crop) -> RenderOptions {
         width: cell.resolution,
         height: cell.resolution,
         crop: Some(band),
-        order: PixelOrder::Tiles(TILE),
+        order: Some(PixelOrder::Tiles(TILE)),
         sweep: SweepLength::Rows(TILE),
         ..RenderOptions::default()
     }

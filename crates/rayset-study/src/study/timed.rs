@@ -179,7 +179,7 @@ impl Experiment for Cell {
                 width: self.resolution,
                 height: self.resolution,
                 crop: Some(crop),
-                order: if self.tiles { PixelOrder::Tiles(8) } else { PixelOrder::Scanline },
+                order: Some(if self.tiles { PixelOrder::Tiles(8) } else { PixelOrder::Scanline }),
                 sweep: SweepLength::WholeImage,
                 ..RenderOptions::default()
             };
