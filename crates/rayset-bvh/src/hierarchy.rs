@@ -12,7 +12,7 @@ use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::CullRay;
 use crate::shapes::{Anything, Content, Hit, Nearest, OnlySpheres, OnlyTriangles, Prepared, Shapes};
-use crate::traverse::{Stack, Steps, Visitor, traverse};
+use crate::traverse::{Stack, Steps, Visitor, is_stopped, traverse};
 
 /// A bounding volume hierarchy over primitives of any shape.
 #[derive(Clone, Debug)]
@@ -320,11 +320,9 @@ impl<const W: usize> Wide<W> {
             shapes: &self.shapes,
             ray: self.shapes.prepare::<S, C>(simd, &cull, ray, span, from),
             end,
-            is_hit: false,
             tests: primitive_tests,
         };
-        traverse(simd, &self.tree, stack, &cull, end, steps, &mut visitor);
-        visitor.is_hit
+        is_stopped(simd, &self.tree, stack, &cull, end, steps, &mut visitor)
     }
 
     fn bytes(&self) -> usize {
@@ -356,15 +354,14 @@ struct AnyVisitor<'h, S: Simd, C: Content, const W: usize> {
     shapes: &'h Shapes<W>,
     ray: Prepared<S>,
     end: f32,
-    is_hit: bool,
     tests: &'h mut u64,
 }
 
 impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
-        self.is_hit = self.shapes.any::<S, C>(leaf, &self.ray, self.end, self.tests);
-        if self.is_hit { None } else { Some(self.end) }
+        let is_hit = self.shapes.any::<S, C>(leaf, &self.ray, self.end, self.tests);
+        if is_hit { None } else { Some(self.end) }
     }
 }
 

@@ -4,7 +4,6 @@
 //! `low` and `high`, in culling space. All margins are multiples of one number, [`LeafRay::unit`]: the rounding of a
 //! coordinate. They are derived in `docs/numerics.md`.
 
-use rayset_geometry::Shear;
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::packet::Planes;
@@ -15,7 +14,7 @@ pub const SPHERE_MARGIN: f32 = 34.0;
 /// How far a distance to a sphere may be off, apart from its half chord.
 const SPHERE_DISTANCE_MARGIN: f32 = 20.0;
 /// How far a sheared vertex may be off.
-pub const VERTEX_MARGIN: f32 = 10.0;
+pub const VERTEX_MARGIN: f32 = 12.0;
 /// How far a distance to a triangle may be off, apart from its weights.
 const TRIANGLE_DISTANCE_MARGIN: f32 = 80.0;
 
@@ -63,17 +62,25 @@ pub(crate) struct LeafRay<S: Simd> {
 }
 
 impl<S: Simd> LeafRay<S> {
-    /// Prepares a ray; it has a shear if triangles will be tested.
+    /// Prepares a ray; it has a shear if flat shapes will be tested.
+    ///
+    /// The shear is that of [`rayset_geometry::Shear`] in single precision; where two components of the direction are as
+    /// large but for their rounding, it may follow another axis.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
-    pub(crate) fn new(simd: S, cull: &CullRay, shear: Option<&Shear>) -> Self {
+    pub(crate) fn new(simd: S, cull: &CullRay, is_flat: bool) -> Self {
         let (mut axes, mut sheared_origin, mut factors) = ([0, 1, 2], [0.0; 3], [0.0; 3]);
-        if let Some(shear) = shear {
-            axes = shear.axes;
-            let [x, y, z] = axes;
+        if is_flat {
+            let d = cull.direction;
+            let size = [d[0].abs(), d[1].abs(), d[2].abs()];
+            let z = if size[0] > size[1] { 0 } else { 1 };
+            let z = if size[2] >= size[z] { 2 } else { z };
+            // A mirrored z axis would turn the triangles round.
+            let turn = if d[z] < 0.0 { 2 } else { 1 };
+            let (x, y) = ((z + turn) % 3, (z + 3 - turn) % 3);
+            axes = [x, y, z];
             sheared_origin = [cull.origin[x], cull.origin[y], cull.origin[z]];
-            let [x, y, z] = shear.factors;
-            factors = [x as f32, y as f32, z as f32];
+            let inverse = cull.inverse[z];
+            factors = [d[x] * inverse, d[y] * inverse, inverse];
         }
         Self {
             simd,
@@ -442,7 +449,7 @@ mod tests {
                     tally.lost += 1;
                     continue;
                 };
-                let mut leaf = LeafRay::new(simd, &cull, Some(&Shear::of(&ray)));
+                let mut leaf = LeafRay::new(simd, &cull, true);
                 leaf.unit *= self.factor;
                 let probe = Probe::new(Scalar, &ray, span, true);
                 let (found, exact) = if let Some(triangle) = triangle {

@@ -106,8 +106,9 @@ pub(crate) struct Shapes<const W: usize> {
 pub(crate) struct Prepared<S: Simd> {
     simd: S,
     leaf: LeafRay<S>,
-    /// What the exact tests are made of; in lanes only where a leaf asks for them.
-    one: Probe<Scalar>,
+    /// What the exact tests are made of, where a leaf asks for them.
+    ray: Ray,
+    span: Span,
     departure: Option<Departure>,
 }
 
@@ -293,7 +294,6 @@ impl<const W: usize> Shapes<W> {
         from: Option<(u32, Side)>,
     ) -> Prepared<S> {
         let is_flat = C::TRIANGLES && (!C::OTHERS || self.is_flat);
-        let one = Probe::new(Scalar, ray, span, is_flat);
         let departure = match from {
             None => None,
             Some((primitive, side)) => {
@@ -301,8 +301,7 @@ impl<const W: usize> Shapes<W> {
                 Some(Departure { kind, index, side })
             }
         };
-        let leaf = LeafRay::new(simd, cull, if is_flat { Some(one.shear()) } else { None });
-        Prepared { simd, leaf, one, departure }
+        Prepared { simd, leaf: LeafRay::new(simd, cull, is_flat), ray: *ray, span, departure }
     }
 
     /// The lanes of a run whose front, and whose back, may be hit.
@@ -339,12 +338,15 @@ impl<const W: usize> Shapes<W> {
         };
         match kind {
             _ if !C::TRIANGLES => {
-                self.spheres[index as usize].intersect(ray.one.ray(), ray.one.span(), sides, departure)
+                self.spheres[index as usize].intersect(&ray.ray, ray.span, sides, departure)
             }
             PrimitiveKind::Sphere if C::SPHERES => {
-                self.spheres[index as usize].intersect(ray.one.ray(), ray.one.span(), sides, departure)
+                self.spheres[index as usize].intersect(&ray.ray, ray.span, sides, departure)
             }
-            _ => self.triangles[index as usize].intersect(&ray.one, sides, departure),
+            _ => {
+                let probe = Probe::new(Scalar, &ray.ray, ray.span, true);
+                self.triangles[index as usize].intersect(&probe, sides, departure)
+            }
         }
     }
 
@@ -453,7 +455,7 @@ impl<const W: usize> Shapes<W> {
                 }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
                     if let Some(hit) =
-                        self.columns.nearest(&ray.one.spread(ray.simd), &run.columns(), ray.departure)
+                        self.columns.nearest(&Probe::new(ray.simd, &ray.ray, ray.span, self.is_flat), &run.columns(), ray.departure)
                     {
                         let primitive = self.numbers[run.kind as usize][hit.index as usize];
                         self.offer::<S, C>(ray, cull, nearest, end, Hit { t: hit.t, primitive });
@@ -544,7 +546,7 @@ impl<const W: usize> Shapes<W> {
                 _ if !C::OTHERS => self.any_in_block::<S, C>(run, ray, end),
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block::<S, C>(run, ray, end),
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    self.columns.any(&ray.one.spread(ray.simd), &run.columns(), ray.departure).is_some()
+                    self.columns.any(&Probe::new(ray.simd, &ray.ray, ray.span, self.is_flat), &run.columns(), ray.departure).is_some()
                 }
             };
             if is_hit || !run.goes_on {
