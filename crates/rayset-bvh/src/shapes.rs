@@ -351,16 +351,19 @@ impl<const W: usize> Shapes<W> {
     }
 
     #[inline(always)]
-    fn intervals<S: Simd, C: Content>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> Intervals<S> {
+    fn intervals<S: Simd, C: Content>(&self, i: usize, ray: &Prepared<S>, end: f32) -> Intervals<S> {
+        let run = &self.runs[i];
         let (front, back) = Self::allowed(run, ray.departure);
+        // Where there is nothing else, every run has its block, in the same order: no number to wait for.
+        let block = if C::SPHERES && C::TRIANGLES { run.block as usize } else { i };
         match run.kind {
             _ if !C::TRIANGLES => {
-                self.sphere_blocks[run.block as usize].intervals(&ray.leaf, end, front, back)
+                self.sphere_blocks[block].intervals(&ray.leaf, end, front, back)
             }
             PrimitiveKind::Sphere if C::SPHERES => {
-                self.sphere_blocks[run.block as usize].intervals(&ray.leaf, end, front, back)
+                self.sphere_blocks[block].intervals(&ray.leaf, end, front, back)
             }
-            _ => self.triangle_blocks[run.block as usize].intervals(&ray.leaf, end, front, back),
+            _ => self.triangle_blocks[block].intervals(&ray.leaf, end, front, back),
         }
     }
 
@@ -449,9 +452,9 @@ impl<const W: usize> Shapes<W> {
             let run = &self.runs[i];
             *tests += u64::from(run.len);
             match run.kind {
-                _ if !C::OTHERS => self.nearest_in_block::<S, C>(run, ray, cull, nearest, end),
+                _ if !C::OTHERS => self.nearest_in_block::<S, C>(i, ray, cull, nearest, end),
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
-                    self.nearest_in_block::<S, C>(run, ray, cull, nearest, end);
+                    self.nearest_in_block::<S, C>(i, ray, cull, nearest, end);
                 }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
                     if let Some(hit) =
@@ -472,13 +475,14 @@ impl<const W: usize> Shapes<W> {
     #[inline(always)]
     fn nearest_in_block<S: Simd, C: Content>(
         &self,
-        run: &Run,
+        i: usize,
         ray: &Prepared<S>,
         cull: &CullRay,
         nearest: &mut Nearest,
         end: &mut f32,
     ) {
-        let found = self.intervals::<S, C>(run, ray, *end);
+        let run = &self.runs[i];
+        let found = self.intervals::<S, C>(i, ray, *end);
         let mut bits = found.possible.bits();
         if bits == 0 {
             return;
@@ -543,8 +547,8 @@ impl<const W: usize> Shapes<W> {
             let run = &self.runs[i];
             *tests += u64::from(run.len);
             let is_hit = match run.kind {
-                _ if !C::OTHERS => self.any_in_block::<S, C>(run, ray, end),
-                PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block::<S, C>(run, ray, end),
+                _ if !C::OTHERS => self.any_in_block::<S, C>(i, ray, end),
+                PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block::<S, C>(i, ray, end),
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
                     self.columns.any(&Probe::new(ray.simd, &ray.ray, ray.span, self.is_flat), &run.columns(), ray.departure).is_some()
                 }
@@ -557,8 +561,9 @@ impl<const W: usize> Shapes<W> {
     }
 
     #[inline(always)]
-    fn any_in_block<S: Simd, C: Content>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> bool {
-        let found = self.intervals::<S, C>(run, ray, end);
+    fn any_in_block<S: Simd, C: Content>(&self, i: usize, ray: &Prepared<S>, end: f32) -> bool {
+        let run = &self.runs[i];
+        let found = self.intervals::<S, C>(i, ray, end);
         if found.sure.any() {
             return true;
         }
