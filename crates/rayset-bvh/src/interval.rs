@@ -49,7 +49,7 @@ pub(crate) struct LeafRay<S: Simd> {
     simd: S,
     origin: [f32; 3],
     direction: [f32; 3],
-    /// The origin with its axes in the order of the shear, and the shear's factors.
+    /// The origin, sheared, and the shear's factors: `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`.
     sheared_origin: [f32; 3],
     axes: [usize; 3],
     factors: [f32; 3],
@@ -78,9 +78,10 @@ impl<S: Simd> LeafRay<S> {
             let turn = if d[z] < 0.0 { 2 } else { 1 };
             let (x, y) = ((z + turn) % 3, (z + 3 - turn) % 3);
             axes = [x, y, z];
-            sheared_origin = [cull.origin[x], cull.origin[y], cull.origin[z]];
-            let inverse = cull.inverse[z];
-            factors = [d[x] * inverse, d[y] * inverse, inverse];
+            let (inverse, oz) = (cull.inverse[z], cull.origin[z]);
+            let (sx, sy) = (-d[x] * inverse, -d[y] * inverse);
+            sheared_origin = [cull.origin[x] + sx * oz, cull.origin[y] + sy * oz, oz];
+            factors = [sx, sy, inverse];
         }
         Self {
             simd,
@@ -274,10 +275,10 @@ impl<const W: usize> TriangleBlock<W> {
         let ([x, y, z], simd) = (ray.axes, ray.simd);
         let [ox, oy, oz] = splat(simd, ray.sheared_origin);
         let [sx, sy, _] = splat(simd, ray.factors);
-        let z = simd.load_f32(&self.vertices[first + z]) - oz;
-        let x = simd.load_f32(&self.vertices[first + x]) - ox;
-        let y = simd.load_f32(&self.vertices[first + y]) - oy;
-        [x - sx * z, y - sy * z, z]
+        let z = simd.load_f32(&self.vertices[first + z]);
+        let x = simd.load_f32(&self.vertices[first + x]);
+        let y = simd.load_f32(&self.vertices[first + y]);
+        [z.mul_add(sx, x) - ox, z.mul_add(sy, y) - oy, z - oz]
     }
 }
 
