@@ -15,6 +15,8 @@ pub const SPHERE_MARGIN: f32 = 34.0;
 const SPHERE_DISTANCE_MARGIN: f32 = 20.0;
 /// How far a sheared vertex may be off.
 pub const VERTEX_MARGIN: f32 = 12.0;
+/// How far the distance of a vertex may be off.
+pub(crate) const DEPTH_MARGIN: f32 = 12.0;
 /// How far a distance to a triangle may be off, apart from its weights.
 const TRIANGLE_DISTANCE_MARGIN: f32 = 80.0;
 
@@ -46,19 +48,19 @@ pub(crate) struct SpanLanes<S: Simd> {
 /// little to keep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LeafRay<S: Simd> {
-    simd: S,
-    origin: [f32; 3],
-    direction: [f32; 3],
+    pub(crate) simd: S,
+    pub(crate) origin: [f32; 3],
+    pub(crate) direction: [f32; 3],
     /// The origin, sheared, and the shear's factors: `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`.
     sheared_origin: [f32; 3],
     axes: [usize; 3],
-    factors: [f32; 3],
+    pub(crate) factors: [f32; 3],
     /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
-    unit: f32,
+    pub(crate) unit: f32,
     /// The span, outwards and inwards.
-    start: f32,
-    start_above: f32,
-    end_below: f32,
+    pub(crate) start: f32,
+    pub(crate) start_above: f32,
+    pub(crate) end_below: f32,
 }
 
 impl<S: Simd> LeafRay<S> {
@@ -271,7 +273,7 @@ impl<const W: usize> TriangleBlock<W> {
 
     /// Three columns, sheared.
     #[inline(always)]
-    fn vertex<S: Simd>(&self, ray: &LeafRay<S>, first: usize) -> [S::F32; 3] {
+    pub(crate) fn vertex<S: Simd>(&self, ray: &LeafRay<S>, first: usize) -> [S::F32; 3] {
         let ([x, y, z], simd) = (ray.axes, ray.simd);
         let [ox, oy, oz] = splat(simd, ray.sheared_origin);
         let [sx, sy, _] = splat(simd, ray.factors);
@@ -294,16 +296,8 @@ pub(crate) fn triangle<S: Simd>(
     front: <S::F32 as Lanes>::Mask,
     back: <S::F32 as Lanes>::Mask,
 ) -> Intervals<S> {
-    let u = cx * by - cy * bx;
-    let v = ax * cy - ay * cx;
-    let w = bx * ay - by * ax;
-    let size = ax.abs().max(ay.abs()).max(bx.abs().max(by.abs())).max(cx.abs().max(cy.abs()));
-    let vertex_error = scale * VERTEX_MARGIN * unit;
-    // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
-    let error =
-        size.mul_add(simd.splat_f32(8.0 * vertex_error), simd.splat_f32(4.0 * vertex_error * vertex_error));
-    let least = u.min(v).min(w);
-    let greatest = u.max(v).max(w);
+    let Edges { u, v, w, error, least, greatest } =
+        Edges::of(simd, [[ax, ay], [bx, by], [cx, cy]], scale * VERTEX_MARGIN * unit);
     let twice = error + error;
     let possible = (least.ge(-error) & front) | (greatest.le(error) & back);
     if !possible.any() {
@@ -327,6 +321,31 @@ pub(crate) fn triangle<S: Simd>(
         sure: sure & possible & low.gt(span.start_above) & high.lt(span.end_below),
         low,
         high,
+    }
+}
+
+/// The edge functions of sheared triangles, how far they may be off, and the least and the greatest of them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Edges<S: Simd> {
+    u: S::F32,
+    v: S::F32,
+    w: S::F32,
+    pub(crate) error: S::F32,
+    pub(crate) least: S::F32,
+    pub(crate) greatest: S::F32,
+}
+
+impl<S: Simd> Edges<S> {
+    #[inline(always)]
+    pub(crate) fn of(simd: S, [[ax, ay], [bx, by], [cx, cy]]: [[S::F32; 2]; 3], vertex_error: f32) -> Self {
+        let u = cx * by - cy * bx;
+        let v = ax * cy - ay * cx;
+        let w = bx * ay - by * ax;
+        let size = ax.abs().max(ay.abs()).max(bx.abs().max(by.abs())).max(cx.abs().max(cy.abs()));
+        // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
+        let (first, second) = (8.0 * vertex_error, 4.0 * vertex_error * vertex_error);
+        let error = size.mul_add(simd.splat_f32(first), simd.splat_f32(second));
+        Self { u, v, w, error, least: u.min(v).min(w), greatest: u.max(v).max(w) }
     }
 }
 

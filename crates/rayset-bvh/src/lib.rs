@@ -21,6 +21,7 @@ mod boxes;
 mod build;
 mod bundle;
 mod duplicates;
+mod fans;
 mod frame;
 mod hierarchy;
 mod interval;

@@ -10,6 +10,7 @@ use rayset_geometry::{
 use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
 use crate::build::Reference;
+use crate::fans::{FanBlock, fan_len};
 use crate::frame::Frame;
 use crate::interval::{Intervals, LeafRay, SphereBlock, TriangleBlock};
 use crate::ray::CullRay;
@@ -67,6 +68,9 @@ impl Content for Anything {
     const OTHERS: bool = true;
 }
 
+/// Of what is tested by its `f64` test alone.
+const NO_BLOCK: u32 = u32::MAX;
+
 /// Primitives of one kind and visibility in a leaf.
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
@@ -77,7 +81,7 @@ pub(crate) struct Run {
     len: u16,
     /// The index of the first among those of its kind.
     pub(crate) first: u32,
-    /// The index of the block, of a sphere or triangle.
+    /// The index of the block, unless it is [`NO_BLOCK`].
     block: u32,
 }
 
@@ -87,6 +91,7 @@ pub(crate) struct Shapes<const W: usize> {
     runs: Vec<Run>,
     sphere_blocks: Vec<SphereBlock<W>>,
     triangle_blocks: Vec<TriangleBlock<W>>,
+    fan_blocks: Vec<FanBlock<W>>,
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
     /// Polygons and cones.
@@ -243,10 +248,17 @@ impl<const W: usize> Shapes<W> {
         let block = match kind {
             PrimitiveKind::Sphere => self.sphere_blocks.len(),
             PrimitiveKind::Triangle => self.triangle_blocks.len(),
-            PrimitiveKind::Polygon | PrimitiveKind::Cone => 0,
+            PrimitiveKind::Polygon => self.fan_blocks.len(),
+            PrimitiveKind::Cone => 0,
+        };
+        let has_block = match kind {
+            PrimitiveKind::Sphere | PrimitiveKind::Triangle => true,
+            PrimitiveKind::Polygon => self.push_fans(frame, source, items, members),
+            PrimitiveKind::Cone => false,
         };
         let len = u16::try_from(members.len()).expect("a leaf is small");
-        self.runs.push(Run { kind, sides, goes_on: true, len, first, block: index_of(block) });
+        let block_index = if has_block { index_of(block) } else { NO_BLOCK };
+        self.runs.push(Run { kind, sides, goes_on: true, len, first, block: block_index });
         match kind {
             PrimitiveKind::Sphere => self.sphere_blocks.push(SphereBlock::EMPTY),
             PrimitiveKind::Triangle => self.triangle_blocks.push(TriangleBlock::EMPTY),
@@ -275,6 +287,27 @@ impl<const W: usize> Shapes<W> {
             self.places[number as usize] = (kind, first + index_of(lane));
             self.numbers[kind as usize].push(number);
         }
+    }
+
+    /// Puts polygons into a block, if all have a fan.
+    fn push_fans(
+        &mut self,
+        frame: &Frame,
+        source: &PrimitiveColumns,
+        items: &[(PrimitiveKind, u32, Sides)],
+        members: &[u32],
+    ) -> bool {
+        let mut block = FanBlock::EMPTY;
+        let mut lane = 0;
+        for (place, &number) in members.iter().enumerate() {
+            let vertices = source.polygon_vertices(items[number as usize].1);
+            if fan_len(vertices.len(), W - lane).is_none() {
+                return false;
+            }
+            lane = block.set(lane, place, &vertices, frame);
+        }
+        self.fan_blocks.push(block);
+        true
     }
 
     /// Whether there is nothing but spheres, or nothing but triangles.
@@ -456,6 +489,9 @@ impl<const W: usize> Shapes<W> {
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
                     self.nearest_in_block::<S, C>(i, ray, cull, nearest, end);
                 }
+                PrimitiveKind::Polygon if run.block != NO_BLOCK => {
+                    self.nearest_in_fans::<S, C>(run, ray, cull, nearest, end);
+                }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
                     if let Some(hit) =
                         self.columns.nearest(&Probe::new(ray.simd, &ray.ray, ray.span, self.is_flat), &run.columns(), ray.departure)
@@ -549,6 +585,7 @@ impl<const W: usize> Shapes<W> {
             let is_hit = match run.kind {
                 _ if !C::OTHERS => self.any_in_block::<S, C>(i, ray, end),
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block::<S, C>(i, ray, end),
+                PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(run, ray, end),
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
                     self.columns.any(&Probe::new(ray.simd, &ray.ray, ray.span, self.is_flat), &run.columns(), ray.departure).is_some()
                 }
@@ -578,11 +615,61 @@ impl<const W: usize> Shapes<W> {
         false
     }
 
+    #[inline(always)]
+    fn nearest_in_fans<S: Simd, C: Content>(
+        &self,
+        run: &Run,
+        ray: &Prepared<S>,
+        cull: &CullRay,
+        nearest: &mut Nearest,
+        end: &mut f32,
+    ) {
+        let block = &self.fan_blocks[run.block as usize];
+        let Some(mut fans) = block.test(&ray.leaf) else { return };
+        while let Some(polygon) = block.next(&mut fans) {
+            if polygon.low > *end || polygon.high < ray.leaf.start {
+                continue;
+            }
+            let probe = Probe::new(ray.simd, &ray.ray, ray.span, true);
+            let one = run.column(polygon.place);
+            if let Some(hit) = self.columns.nearest(&probe, &one, ray.departure) {
+                let primitive = self.numbers[run.kind as usize][hit.index as usize];
+                self.offer::<S, C>(ray, cull, nearest, end, Hit { t: hit.t, primitive });
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn any_in_fans<S: Simd>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> bool {
+        let block = &self.fan_blocks[run.block as usize];
+        let Some(mut fans) = block.test(&ray.leaf) else { return false };
+        while let Some(polygon) = block.next(&mut fans) {
+            let one = run.column(polygon.place);
+            // A plane is never met again by a ray that leaves it.
+            let is_left =
+                ray.departure.is_some_and(|d| d.kind == run.kind && d.index == one.range.start);
+            if is_left || polygon.low > end || polygon.high < ray.leaf.start {
+                continue;
+            }
+            let is_met = (polygon.is_front && run.sides != Sides::Back)
+                || (polygon.is_back && run.sides != Sides::Front);
+            if is_met && polygon.low > ray.leaf.start_above && polygon.high < ray.leaf.end_below {
+                return true;
+            }
+            let probe = Probe::new(ray.simd, &ray.ray, ray.span, true);
+            if self.columns.any(&probe, &one, ray.departure).is_some() {
+                return true;
+            }
+        }
+        false
+    }
+
     /// How many bytes the primitives take.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&self.runs[..])
             + size_of_val(&self.sphere_blocks[..])
             + size_of_val(&self.triangle_blocks[..])
+            + size_of_val(&self.fan_blocks[..])
             + size_of_val(&self.spheres[..])
             + size_of_val(&self.triangles[..])
             + size_of_val(&self.places[..])
@@ -595,6 +682,13 @@ impl Run {
     #[inline(always)]
     fn columns(&self) -> ColumnRun {
         ColumnRun { kind: self.kind, sides: self.sides, range: self.first..self.first + u32::from(self.len) }
+    }
+
+    /// One of them.
+    #[inline(always)]
+    fn column(&self, place: u32) -> ColumnRun {
+        let index = self.first + place;
+        ColumnRun { kind: self.kind, sides: self.sides, range: index..index + 1 }
     }
 }
 
