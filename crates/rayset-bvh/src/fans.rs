@@ -58,8 +58,7 @@ pub(crate) fn fan_len(vertices: usize, lanes: usize) -> Option<usize> {
 }
 
 impl<const W: usize> FanBlock<W> {
-    pub(crate) const EMPTY: Self =
-        Self { triangles: TriangleBlock::EMPTY, lanes: [0; W], owners: [0; W] };
+    pub(crate) const EMPTY: Self = Self { triangles: TriangleBlock::EMPTY, lanes: [0; W], owners: [0; W] };
 
     /// Adds a polygon from a lane on; returns the lane after it.
     pub(crate) fn set(&mut self, first: usize, place: usize, vertices: &[DVec3], frame: &Frame) -> usize {
@@ -122,5 +121,166 @@ impl<const W: usize> FanBlock<W> {
             low,
             high,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+    use rayset_geometry::{BoundingBox, Polygon, Primitive, Ray, Side, Sides, Span};
+    use rayset_simd::{Backend, Kernel};
+
+    use super::*;
+    use crate::ray::CullRay;
+
+    /// How often the single-precision answer contradicts the exact one, and how often it is sure.
+    #[derive(Debug, Default)]
+    struct Tally {
+        lost: u32,
+        false_sure: u32,
+        out_of_interval: u32,
+        sure: u32,
+        hits: u32,
+    }
+
+    struct Dice(ChaCha8Rng);
+
+    impl Dice {
+        fn within(&mut self, low: f64, high: f64) -> f64 {
+            low + (high - low) * f64::from(self.0.next_u32()) / f64::from(u32::MAX)
+        }
+        fn point(&mut self) -> DVec3 {
+            DVec3::from_array(std::array::from_fn(|_| self.within(-1.0, 1.0)))
+        }
+        fn pick<const N: usize>(&mut self, values: [f64; N]) -> f64 {
+            values[self.0.next_u32() as usize % N]
+        }
+    }
+
+    /// Rays aimed at the edges, outer ones and those of the fan, of polygons that are convex, concave, or cross
+    /// themselves.
+    struct Doubtful {
+        /// By what the margins are multiplied.
+        factor: f32,
+    }
+
+    impl Kernel for Doubtful {
+        type Output = Tally;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> Tally {
+            let mut dice = Dice(ChaCha8Rng::seed_from_u64(7));
+            let mut tally = Tally::default();
+            for case in 0..60_000 {
+                let (scale, shift) = (dice.pick([1.0, 0.3, 1e4]), dice.point() * dice.pick([0.0, 1.0, 1e3]));
+                let place = |p: DVec3| scale * (p + shift);
+                let frame = Frame::of(&BoundingBox { min: place(DVec3::NEG_ONE), max: place(DVec3::ONE) });
+                let n = 4 + case % (MOST_VERTICES - 3);
+                let size = 0.3 * dice.pick([1.0, 0.1, 1e-2]);
+                let (center, x, y) = (0.6 * dice.point(), size * dice.point(), size * dice.point());
+                let mut angle = 0.0;
+                let corners: Vec<DVec3> = (0..n)
+                    .map(|_| {
+                        angle += dice.within(0.0, 2.0);
+                        let reach = if case % 2 == 0 { 1.0 } else { dice.within(0.1, 1.0) };
+                        // As good a circle as any.
+                        let (c, s) = (1.0 - angle * angle / 8.0, angle * (1.0 - angle / 6.0));
+                        center + reach * (c * x + s * y)
+                    })
+                    .collect();
+                let Some(polygon) = Polygon::new(corners.iter().map(|&corner| place(corner)).collect())
+                else {
+                    continue;
+                };
+                let pair = [dice.0.next_u32() as usize % n, dice.0.next_u32() as usize % n];
+                let (p, q) = (corners[pair[0]], corners[if case % 3 == 0 { 0 } else { pair[1] }]);
+                let offset = dice.pick([0.0, 1e-8, -1e-8, 1e-7, -1e-7, 1e-6, 1e-3, 0.1]);
+                let target = p + dice.within(0.0, 1.0) * (q - p) + offset * (center - p);
+                let eye = dice.pick([1.0, 3.0, 50.0]) * dice.point();
+                let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
+                let Some(cull) = CullRay::new(&frame, &ray, Span::FORWARD) else { continue };
+                let mut leaf = LeafRay::new(simd, &cull, true);
+                leaf.unit *= self.factor;
+                let vertices = polygon.vertices();
+                let found = if S::F32::LANES == 16 {
+                    candidate::<S, 16>(&leaf, vertices, &frame)
+                } else {
+                    candidate::<S, 8>(&leaf, vertices, &frame)
+                };
+                let primitive = Primitive::from(polygon);
+                let hit = |sides| primitive.intersect(&ray, Span::FORWARD, sides, None);
+                let exact = hit(Sides::Both);
+                tally.hits += u32::from(exact.is_some());
+                let Some(found) = found else {
+                    tally.lost += u32::from(exact.is_some());
+                    continue;
+                };
+                let side = match (found.is_front, found.is_back) {
+                    (true, _) => Some(Side::Front),
+                    (_, true) => Some(Side::Back),
+                    _ => None,
+                };
+                tally.sure += u32::from(side.is_some());
+                let is_ahead = found.low > 0.0;
+                if let Some(side) = side
+                    && is_ahead
+                {
+                    let sides = if side == Side::Front { Sides::Front } else { Sides::Back };
+                    tally.false_sure += u32::from(hit(sides).is_none());
+                }
+                if let Some(t) = exact {
+                    let is_within = found.low <= cull.end(t) && found.high >= cull.below(t);
+                    tally.out_of_interval += u32::from(!is_within);
+                }
+            }
+            tally
+        }
+    }
+
+    #[inline(always)]
+    fn candidate<S: Simd, const W: usize>(
+        leaf: &LeafRay<S>,
+        vertices: &[DVec3],
+        frame: &Frame,
+    ) -> Option<Candidate> {
+        let mut block = FanBlock::<W>::EMPTY;
+        let after = block.set(1, 3, vertices, frame);
+        assert_eq!(after, vertices.len() - 1);
+        let mut fans = block.test(leaf)?;
+        let candidate = block.next(&mut fans);
+        assert!(candidate.is_none_or(|candidate| candidate.place == 3));
+        assert!(block.next(&mut fans).is_none(), "there is one polygon");
+        candidate
+    }
+
+    #[test]
+    fn no_polygon_is_lost_and_no_sure_one_is_none() {
+        for &backend in Backend::available() {
+            let tally = backend.run(Doubtful { factor: 1.0 });
+            assert_eq!(
+                (tally.lost, tally.false_sure, tally.out_of_interval),
+                (0, 0, 0),
+                "{backend}: {tally:?}"
+            );
+            assert!(tally.hits > 5_000 && tally.sure > 1_000, "{backend}: {tally:?}");
+        }
+    }
+
+    #[test]
+    fn without_the_margins_polygons_are_lost() {
+        for &backend in Backend::available() {
+            let tally = backend.run(Doubtful { factor: 0.0 });
+            assert!(
+                tally.lost > 0 && tally.false_sure > 0 && tally.out_of_interval > 0,
+                "{backend}: {tally:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn polygons_of_many_vertices_have_no_fan() {
+        assert_eq!((fan_len(3, 16), fan_len(8, 8), fan_len(9, 16)), (Some(1), Some(6), None));
+        assert_eq!(fan_len(8, 5), None);
     }
 }

@@ -205,7 +205,7 @@ fn drop_superfluous(references: &mut Vec<Reference>, numbers: &[u32]) {
 fn weight<const W: usize>(columns: &PrimitiveColumns, kind: PrimitiveKind, index: u32) -> u8 {
     let weight = match kind {
         PrimitiveKind::Sphere | PrimitiveKind::Triangle => 1,
-        PrimitiveKind::Cone => W / 4,
+        PrimitiveKind::Cone => 1,
         PrimitiveKind::Polygon => fan_len(columns.polygon_len(index), W).unwrap_or(W),
     };
     u8::try_from(weight).expect("a leaf is small")

@@ -9,6 +9,7 @@ use rayset_geometry::{
 };
 use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
+use crate::axes::AxisBlock;
 use crate::build::Reference;
 use crate::fans::{FanBlock, fan_len};
 use crate::frame::Frame;
@@ -92,6 +93,7 @@ pub(crate) struct Shapes<const W: usize> {
     sphere_blocks: Vec<SphereBlock<W>>,
     triangle_blocks: Vec<TriangleBlock<W>>,
     fan_blocks: Vec<FanBlock<W>>,
+    axis_blocks: Vec<AxisBlock<W>>,
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
     /// Polygons and cones.
@@ -115,6 +117,14 @@ pub(crate) struct Prepared<S: Simd> {
     ray: Ray,
     span: Span,
     departure: Option<Departure>,
+}
+
+impl<S: Simd> Prepared<S> {
+    /// What the tests of columns are made of; `is_flat` says whether there may be polygons.
+    #[inline(always)]
+    fn probe(&self, is_flat: bool) -> Probe<S> {
+        Probe::new(self.simd, &self.ray, self.span, is_flat)
+    }
 }
 
 /// The nearest hit so far: known to lie in an interval, or exactly.
@@ -249,12 +259,11 @@ impl<const W: usize> Shapes<W> {
             PrimitiveKind::Sphere => self.sphere_blocks.len(),
             PrimitiveKind::Triangle => self.triangle_blocks.len(),
             PrimitiveKind::Polygon => self.fan_blocks.len(),
-            PrimitiveKind::Cone => 0,
+            PrimitiveKind::Cone => self.axis_blocks.len(),
         };
         let has_block = match kind {
-            PrimitiveKind::Sphere | PrimitiveKind::Triangle => true,
+            PrimitiveKind::Sphere | PrimitiveKind::Triangle | PrimitiveKind::Cone => true,
             PrimitiveKind::Polygon => self.push_fans(frame, source, items, members),
-            PrimitiveKind::Cone => false,
         };
         let len = u16::try_from(members.len()).expect("a leaf is small");
         let block_index = if has_block { index_of(block) } else { NO_BLOCK };
@@ -262,7 +271,8 @@ impl<const W: usize> Shapes<W> {
         match kind {
             PrimitiveKind::Sphere => self.sphere_blocks.push(SphereBlock::EMPTY),
             PrimitiveKind::Triangle => self.triangle_blocks.push(TriangleBlock::EMPTY),
-            PrimitiveKind::Polygon | PrimitiveKind::Cone => {}
+            PrimitiveKind::Cone => self.axis_blocks.push(AxisBlock::EMPTY),
+            PrimitiveKind::Polygon => {}
         }
         for (lane, &number) in members.iter().enumerate() {
             let (_, index, _) = items[number as usize];
@@ -281,6 +291,9 @@ impl<const W: usize> Shapes<W> {
                     self.triangles.push(triangle);
                 }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
+                    if kind == PrimitiveKind::Cone {
+                        self.axis_blocks[block].set(lane, source.cone_axis(index), frame);
+                    }
                     self.columns.push_from(source, kind, index, sides);
                 }
             }
@@ -390,9 +403,7 @@ impl<const W: usize> Shapes<W> {
         // Where there is nothing else, every run has its block, in the same order: no number to wait for.
         let block = if C::SPHERES && C::TRIANGLES { run.block as usize } else { i };
         match run.kind {
-            _ if !C::TRIANGLES => {
-                self.sphere_blocks[block].intervals(&ray.leaf, end, front, back)
-            }
+            _ if !C::TRIANGLES => self.sphere_blocks[block].intervals(&ray.leaf, end, front, back),
             PrimitiveKind::Sphere if C::SPHERES => {
                 self.sphere_blocks[block].intervals(&ray.leaf, end, front, back)
             }
@@ -493,8 +504,9 @@ impl<const W: usize> Shapes<W> {
                     self.nearest_in_fans::<S, C>(run, ray, cull, nearest, end);
                 }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(hit) =
-                        self.columns.nearest(&Probe::new(ray.simd, &ray.ray, ray.span, self.is_flat), &run.columns(), ray.departure)
+                    if let Some(part) = self.part(run, ray)
+                        && let Some(hit) =
+                            self.columns.nearest(&ray.probe(self.is_flat), &part, ray.departure)
                     {
                         let primitive = self.numbers[run.kind as usize][hit.index as usize];
                         self.offer::<S, C>(ray, cull, nearest, end, Hit { t: hit.t, primitive });
@@ -587,7 +599,11 @@ impl<const W: usize> Shapes<W> {
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block::<S, C>(i, ray, end),
                 PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(run, ray, end),
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    self.columns.any(&Probe::new(ray.simd, &ray.ray, ray.span, self.is_flat), &run.columns(), ray.departure).is_some()
+                    if let Some(part) = self.part(run, ray) {
+                        self.columns.any(&ray.probe(self.is_flat), &part, ray.departure).is_some()
+                    } else {
+                        false
+                    }
                 }
             };
             if is_hit || !run.goes_on {
@@ -615,6 +631,21 @@ impl<const W: usize> Shapes<W> {
         false
     }
 
+    /// What of a run of cones, or of polygons without a block, the `f64` test must look at.
+    #[inline(always)]
+    fn part<S: Simd>(&self, run: &Run, ray: &Prepared<S>) -> Option<ColumnRun> {
+        if run.block == NO_BLOCK {
+            return Some(run.columns());
+        }
+        let candidates = self.axis_blocks[run.block as usize].candidates(&ray.leaf);
+        if candidates == 0 {
+            return None;
+        }
+        let (first, last) = (candidates.trailing_zeros(), u32::BITS - 1 - candidates.leading_zeros());
+        let range = run.first + first..run.first + last + 1;
+        Some(ColumnRun { kind: run.kind, sides: run.sides, range })
+    }
+
     #[inline(always)]
     fn nearest_in_fans<S: Simd, C: Content>(
         &self,
@@ -630,9 +661,8 @@ impl<const W: usize> Shapes<W> {
             if polygon.low > *end || polygon.high < ray.leaf.start {
                 continue;
             }
-            let probe = Probe::new(ray.simd, &ray.ray, ray.span, true);
             let one = run.column(polygon.place);
-            if let Some(hit) = self.columns.nearest(&probe, &one, ray.departure) {
+            if let Some(hit) = self.columns.nearest(&ray.probe(true), &one, ray.departure) {
                 let primitive = self.numbers[run.kind as usize][hit.index as usize];
                 self.offer::<S, C>(ray, cull, nearest, end, Hit { t: hit.t, primitive });
             }
@@ -646,8 +676,7 @@ impl<const W: usize> Shapes<W> {
         while let Some(polygon) = block.next(&mut fans) {
             let one = run.column(polygon.place);
             // A plane is never met again by a ray that leaves it.
-            let is_left =
-                ray.departure.is_some_and(|d| d.kind == run.kind && d.index == one.range.start);
+            let is_left = ray.departure.is_some_and(|d| d.kind == run.kind && d.index == one.range.start);
             if is_left || polygon.low > end || polygon.high < ray.leaf.start {
                 continue;
             }
@@ -656,8 +685,7 @@ impl<const W: usize> Shapes<W> {
             if is_met && polygon.low > ray.leaf.start_above && polygon.high < ray.leaf.end_below {
                 return true;
             }
-            let probe = Probe::new(ray.simd, &ray.ray, ray.span, true);
-            if self.columns.any(&probe, &one, ray.departure).is_some() {
+            if self.columns.any(&ray.probe(true), &one, ray.departure).is_some() {
                 return true;
             }
         }
@@ -670,6 +698,7 @@ impl<const W: usize> Shapes<W> {
             + size_of_val(&self.sphere_blocks[..])
             + size_of_val(&self.triangle_blocks[..])
             + size_of_val(&self.fan_blocks[..])
+            + size_of_val(&self.axis_blocks[..])
             + size_of_val(&self.spheres[..])
             + size_of_val(&self.triangles[..])
             + size_of_val(&self.places[..])

@@ -178,6 +178,17 @@ impl PrimitiveColumns {
         Triangle::new(vertex(0), vertex(1), vertex(2))
     }
 
+    /// The axis of a cone, a point and a unit vector, and how far from it any hit lies, up to the rounding of
+    /// coordinates; in world space.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such cone.
+    #[must_use]
+    pub fn cone_axis(&self, index: u32) -> (DVec3, DVec3, f64) {
+        Cone::axis_of(&std::array::from_fn(|k| self.cones[k][index as usize]))
+    }
+
     /// How many vertices a polygon has.
     ///
     /// # Panics
