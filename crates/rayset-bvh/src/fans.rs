@@ -178,7 +178,11 @@ mod tests {
                 let frame = Frame::of(&BoundingBox { min: place(DVec3::NEG_ONE), max: place(DVec3::ONE) });
                 let n = 4 + case % (MOST_VERTICES - 3);
                 let size = 0.3 * dice.pick([1.0, 0.1, 1e-2]);
-                let (center, x, y) = (0.6 * dice.point(), size * dice.point(), size * dice.point());
+                let (center, mut x, mut y) = (0.6 * dice.point(), size * dice.point(), size * dice.point());
+                if case % 7 == 0 {
+                    // Seen from above or below, all its vertices have one depth.
+                    (x.z, y.z) = (0.0, 0.0);
+                }
                 let mut angle = 0.0;
                 let corners: Vec<DVec3> = (0..n)
                     .map(|_| {
@@ -197,7 +201,9 @@ mod tests {
                 let (p, q) = (corners[pair[0]], corners[if case % 3 == 0 { 0 } else { pair[1] }]);
                 let offset = dice.pick([0.0, 1e-8, -1e-8, 1e-7, -1e-7, 1e-6, 1e-3, 0.1]);
                 let target = p + dice.within(0.0, 1.0) * (q - p) + offset * (center - p);
-                let eye = dice.pick([1.0, 3.0, 50.0]) * dice.point();
+                let far = dice.pick([1.0, 3.0, 50.0]) * dice.point();
+                // From nearby, where coordinates are long beside distances.
+                let eye = if case % 7 == 0 { target + 1e-2 * (DVec3::Z + 0.5 * dice.point()) } else { far };
                 let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
                 let Some(cull) = CullRay::new(&frame, &ray, Span::FORWARD) else { continue };
                 let mut leaf = LeafRay::new(simd, &cull, true);
