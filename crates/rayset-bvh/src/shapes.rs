@@ -655,6 +655,9 @@ impl<const W: usize> Shapes<W> {
         nearest: &mut Nearest,
         end: &mut f32,
     ) {
+        if run.is_left_by(ray.departure) {
+            return;
+        }
         let block = &self.fan_blocks[run.block as usize];
         let Some(mut fans) = block.test(&ray.leaf) else { return };
         while let Some(polygon) = block.next(&mut fans) {
@@ -671,6 +674,9 @@ impl<const W: usize> Shapes<W> {
 
     #[inline(always)]
     fn any_in_fans<S: Simd>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> bool {
+        if run.is_left_by(ray.departure) {
+            return false;
+        }
         let block = &self.fan_blocks[run.block as usize];
         let Some(mut fans) = block.test(&ray.leaf) else { return false };
         while let Some(polygon) = block.next(&mut fans) {
@@ -711,6 +717,15 @@ impl Run {
     #[inline(always)]
     fn columns(&self) -> ColumnRun {
         ColumnRun { kind: self.kind, sides: self.sides, range: self.first..self.first + u32::from(self.len) }
+    }
+
+    /// Whether there is nothing but a plane that a ray leaves, which it never meets again.
+    #[inline(always)]
+    fn is_left_by(&self, departure: Option<Departure>) -> bool {
+        match departure {
+            Some(departure) => self.len == 1 && departure.kind == self.kind && departure.index == self.first,
+            None => false,
+        }
     }
 
     /// One of them.
