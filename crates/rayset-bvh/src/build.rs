@@ -23,19 +23,27 @@ type Four = [f32; 4];
 pub(crate) struct Reference {
     /// The fourth number is the primitive's, bit by bit.
     low: Four,
-    /// The fourth is 1, so that the sum of both is no subnormal number: they take a hundred times longer to multiply.
+    /// The fourth is the primitive's weight: how much of a leaf it takes. It is 1 at least, so that the sum of both is no
+    /// subnormal number: they take a hundred times longer to multiply.
     high: Four,
 }
 
 impl Reference {
-    pub(crate) fn new(bounds: &CullBox, primitive: u32) -> Self {
+    pub(crate) fn new(bounds: &CullBox, primitive: u32, weight: u8) -> Self {
         let ([x, y, z], [a, b, c]) = (bounds.low, bounds.high);
-        Self { low: [x, y, z, f32::from_bits(primitive)], high: [a, b, c, 1.0] }
+        Self { low: [x, y, z, f32::from_bits(primitive)], high: [a, b, c, f32::from(weight)] }
     }
 
     #[inline]
     pub(crate) fn primitive(&self) -> u32 {
         self.low[3].to_bits()
+    }
+
+    /// How much of a leaf it takes.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small whole number")]
+    fn weight(&self) -> u32 {
+        self.high[3] as u32
     }
 
     /// Twice the middle.
@@ -205,7 +213,7 @@ fn split<const W: usize>(references: &mut [Reference], start: u32, leaf_len: usi
     let extent = Extent::of(references);
     let bounds = extent.bounds.cull_box();
     let n = u32::try_from(references.len()).expect("at most 2^31 primitives");
-    if references.len() <= leaf_len {
+    if fits(references, leaf_len) {
         references.sort_unstable_by_key(Reference::primitive);
         return Binary::Leaf { bounds, range: start..start + n };
     }
@@ -221,6 +229,12 @@ fn split<const W: usize>(references: &mut [Reference], start: u32, leaf_len: usi
     let children = Box::new([left, right]);
     let costs = Box::new(costs_of::<W>(&bounds, &children));
     Binary::Inner { bounds, children, costs }
+}
+
+/// Whether a leaf holds references; it holds any single one.
+fn fits(references: &[Reference], leaf_len: usize) -> bool {
+    let weight = || references.iter().map(|reference| reference.weight() as usize).sum::<usize>();
+    references.len() == 1 || (references.len() <= leaf_len && weight() <= leaf_len)
 }
 
 /// The boxes of references, and of their doubled centres.
@@ -299,6 +313,7 @@ impl Binning {
 #[derive(Clone, Copy)]
 struct Bins {
     bounds: [[FourBox; BINS]; 3],
+    /// How much weight.
     counts: [[u32; BINS]; 3],
 }
 
@@ -308,10 +323,10 @@ impl Bins {
     #[inline(always)]
     fn with(mut self, references: &[Reference], binning: &Binning) -> Self {
         for reference in references {
-            let bins = binning.bins(reference);
+            let (bins, weight) = (binning.bins(reference), reference.weight());
             for (k, &bin) in bins[..3].iter().enumerate() {
                 self.bounds[k][bin].add(&reference.low, &reference.high);
-                self.counts[k][bin] += 1;
+                self.counts[k][bin] += weight;
             }
         }
         self
@@ -371,7 +386,7 @@ fn sweep(
     })
 }
 
-/// How many full leaves hold so many primitives: a leaf costs the same whether it is full or not.
+/// How many full leaves hold so much weight: a leaf costs the same whether it is full or not.
 #[expect(clippy::cast_precision_loss, reason = "a cost")]
 fn leaves(count: u32, leaf_len: usize) -> f32 {
     (count as usize).div_ceil(leaf_len) as f32
@@ -409,7 +424,7 @@ mod tests {
         (0..n)
             .map(|i| {
                 let low = [at(i, 2_654_435_761), at(i, 2_246_822_519), at(i, 3_266_489_917)];
-                Reference::new(&CullBox { low, high: low.map(|x| x + 0.01) }, i)
+                Reference::new(&CullBox { low, high: low.map(|x| x + 0.01) }, i, 1)
             })
             .collect()
     }

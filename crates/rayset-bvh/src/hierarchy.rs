@@ -8,11 +8,12 @@ use rayset_simd::{Backend, Kernel, Lanes, Simd};
 
 use crate::build::{Reference, build};
 use crate::duplicates::superfluous;
+use crate::fans::fan_len;
 use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::CullRay;
 use crate::shapes::{Anything, Content, Hit, Nearest, OnlySpheres, OnlyTriangles, Prepared, Shapes};
-use crate::traverse::{Stack, Steps, Visitor, traverse};
+use crate::traverse::{Stack, Steps, Visitor, is_stopped, traverse};
 
 /// A bounding volume hierarchy over primitives of any shape.
 #[derive(Clone, Debug)]
@@ -200,6 +201,16 @@ fn drop_superfluous(references: &mut Vec<Reference>, numbers: &[u32]) {
     references.retain(|reference| is_kept[reference.primitive() as usize]);
 }
 
+/// How many of the lanes of a leaf a primitive takes, or what it costs as much as.
+fn weight<const W: usize>(columns: &PrimitiveColumns, kind: PrimitiveKind, index: u32) -> u8 {
+    let weight = match kind {
+        PrimitiveKind::Sphere | PrimitiveKind::Triangle => 1,
+        PrimitiveKind::Cone => 1,
+        PrimitiveKind::Polygon => fan_len(columns.polygon_len(index), W).unwrap_or(W),
+    };
+    u8::try_from(weight).expect("a leaf is small")
+}
+
 /// A tree and its primitives.
 #[derive(Clone, Debug)]
 pub(crate) struct Wide<const W: usize> {
@@ -215,19 +226,12 @@ impl<const W: usize> Wide<W> {
             .with_min_len(1024)
             .map(|(primitive, &(kind, index, _))| {
                 let bounds = frame.cull_box(&columns.bounding_box(kind, index));
-                Reference::new(&bounds, u32::try_from(primitive).expect("checked before"))
+                let primitive = u32::try_from(primitive).expect("checked before");
+                Reference::new(&bounds, primitive, weight::<W>(columns, kind, index))
             })
             .collect();
         drop_superfluous(&mut references, &superfluous(columns, items));
-        let heavy = items.iter().filter(|item| item.0 == PrimitiveKind::Polygon).count();
-        let cones = items.iter().filter(|item| item.0 == PrimitiveKind::Cone).count();
-        // What is not tested in blocks is better told apart by boxes.
-        let leaf_len = match items.len() {
-            n if 4 * heavy > n => 2,
-            n if 4 * cones > n => 4,
-            _ => W,
-        };
-        let (mut tree, leaves) = build::<W>(&mut references, leaf_len);
+        let (mut tree, leaves) = build::<W>(&mut references, W);
         let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, &references, &leaves);
         tree.relabel_leaves(&leaf_runs);
         Self { tree, shapes }
@@ -320,11 +324,9 @@ impl<const W: usize> Wide<W> {
             shapes: &self.shapes,
             ray: self.shapes.prepare::<S, C>(simd, &cull, ray, span, from),
             end,
-            is_hit: false,
             tests: primitive_tests,
         };
-        traverse(simd, &self.tree, stack, &cull, end, steps, &mut visitor);
-        visitor.is_hit
+        is_stopped(simd, &self.tree, stack, &cull, end, steps, &mut visitor)
     }
 
     fn bytes(&self) -> usize {
@@ -356,15 +358,14 @@ struct AnyVisitor<'h, S: Simd, C: Content, const W: usize> {
     shapes: &'h Shapes<W>,
     ray: Prepared<S>,
     end: f32,
-    is_hit: bool,
     tests: &'h mut u64,
 }
 
 impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
-        self.is_hit = self.shapes.any::<S, C>(leaf, &self.ray, self.end, self.tests);
-        if self.is_hit { None } else { Some(self.end) }
+        let is_hit = self.shapes.any::<S, C>(leaf, &self.ray, self.end, self.tests);
+        if is_hit { None } else { Some(self.end) }
     }
 }
 

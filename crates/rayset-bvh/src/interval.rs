@@ -4,7 +4,6 @@
 //! `low` and `high`, in culling space. All margins are multiples of one number, [`LeafRay::unit`]: the rounding of a
 //! coordinate. They are derived in `docs/numerics.md`.
 
-use rayset_geometry::Shear;
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::packet::Planes;
@@ -15,7 +14,9 @@ pub const SPHERE_MARGIN: f32 = 34.0;
 /// How far a distance to a sphere may be off, apart from its half chord.
 const SPHERE_DISTANCE_MARGIN: f32 = 20.0;
 /// How far a sheared vertex may be off.
-pub const VERTEX_MARGIN: f32 = 10.0;
+pub const VERTEX_MARGIN: f32 = 12.0;
+/// How far the distance of a vertex may be off.
+pub(crate) const DEPTH_MARGIN: f32 = 12.0;
 /// How far a distance to a triangle may be off, apart from its weights.
 const TRIANGLE_DISTANCE_MARGIN: f32 = 80.0;
 
@@ -47,33 +48,42 @@ pub(crate) struct SpanLanes<S: Simd> {
 /// little to keep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LeafRay<S: Simd> {
-    simd: S,
-    origin: [f32; 3],
-    direction: [f32; 3],
-    /// The origin with its axes in the order of the shear, and the shear's factors.
+    pub(crate) simd: S,
+    pub(crate) origin: [f32; 3],
+    pub(crate) direction: [f32; 3],
+    /// The origin, sheared, and the shear's factors: `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`.
     sheared_origin: [f32; 3],
     axes: [usize; 3],
-    factors: [f32; 3],
+    pub(crate) factors: [f32; 3],
     /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
-    unit: f32,
+    pub(crate) unit: f32,
     /// The span, outwards and inwards.
-    start: f32,
-    start_above: f32,
-    end_below: f32,
+    pub(crate) start: f32,
+    pub(crate) start_above: f32,
+    pub(crate) end_below: f32,
 }
 
 impl<S: Simd> LeafRay<S> {
-    /// Prepares a ray; it has a shear if triangles will be tested.
+    /// Prepares a ray; it has a shear if flat shapes will be tested.
+    ///
+    /// The shear is that of [`rayset_geometry::Shear`] in single precision; where two components of the direction are as
+    /// large but for their rounding, it may follow another axis.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
-    pub(crate) fn new(simd: S, cull: &CullRay, shear: Option<&Shear>) -> Self {
+    pub(crate) fn new(simd: S, cull: &CullRay, is_flat: bool) -> Self {
         let (mut axes, mut sheared_origin, mut factors) = ([0, 1, 2], [0.0; 3], [0.0; 3]);
-        if let Some(shear) = shear {
-            axes = shear.axes;
-            let [x, y, z] = axes;
-            sheared_origin = [cull.origin[x], cull.origin[y], cull.origin[z]];
-            let [x, y, z] = shear.factors;
-            factors = [x as f32, y as f32, z as f32];
+        if is_flat {
+            let d = cull.direction;
+            let size = [d[0].abs(), d[1].abs(), d[2].abs()];
+            let z = if size[0] > size[1] { 0 } else { 1 };
+            let z = if size[2] >= size[z] { 2 } else { z };
+            // A mirrored z axis would turn the triangles round.
+            let turn = if d[z] < 0.0 { 2 } else { 1 };
+            let (x, y) = ((z + turn) % 3, (z + 3 - turn) % 3);
+            axes = [x, y, z];
+            let (inverse, oz) = (cull.inverse[z], cull.origin[z]);
+            let (sx, sy) = (-d[x] * inverse, -d[y] * inverse);
+            sheared_origin = [cull.origin[x] + sx * oz, cull.origin[y] + sy * oz, oz];
+            factors = [sx, sy, inverse];
         }
         Self {
             simd,
@@ -274,14 +284,14 @@ impl<const W: usize> TriangleBlock<W> {
 
     /// Three columns, sheared.
     #[inline(always)]
-    fn vertex<S: Simd>(&self, ray: &LeafRay<S>, first: usize) -> [S::F32; 3] {
+    pub(crate) fn vertex<S: Simd>(&self, ray: &LeafRay<S>, first: usize) -> [S::F32; 3] {
         let ([x, y, z], simd) = (ray.axes, ray.simd);
         let [ox, oy, oz] = splat(simd, ray.sheared_origin);
         let [sx, sy, _] = splat(simd, ray.factors);
-        let z = simd.load_f32(&self.vertices[first + z]) - oz;
-        let x = simd.load_f32(&self.vertices[first + x]) - ox;
-        let y = simd.load_f32(&self.vertices[first + y]) - oy;
-        [x - sx * z, y - sy * z, z]
+        let z = simd.load_f32(&self.vertices[first + z]);
+        let x = simd.load_f32(&self.vertices[first + x]);
+        let y = simd.load_f32(&self.vertices[first + y]);
+        [z.mul_add(sx, x) - ox, z.mul_add(sy, y) - oy, z - oz]
     }
 }
 
@@ -297,16 +307,8 @@ pub(crate) fn triangle<S: Simd>(
     front: <S::F32 as Lanes>::Mask,
     back: <S::F32 as Lanes>::Mask,
 ) -> Intervals<S> {
-    let u = cx * by - cy * bx;
-    let v = ax * cy - ay * cx;
-    let w = bx * ay - by * ax;
-    let size = ax.abs().max(ay.abs()).max(bx.abs().max(by.abs())).max(cx.abs().max(cy.abs()));
-    let vertex_error = scale * VERTEX_MARGIN * unit;
-    // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
-    let error =
-        size.mul_add(simd.splat_f32(8.0 * vertex_error), simd.splat_f32(4.0 * vertex_error * vertex_error));
-    let least = u.min(v).min(w);
-    let greatest = u.max(v).max(w);
+    let Edges { u, v, w, error, least, greatest } =
+        Edges::of(simd, [[ax, ay], [bx, by], [cx, cy]], scale * VERTEX_MARGIN * unit);
     let twice = error + error;
     let possible = (least.ge(-error) & front) | (greatest.le(error) & back);
     if !possible.any() {
@@ -330,6 +332,31 @@ pub(crate) fn triangle<S: Simd>(
         sure: sure & possible & low.gt(span.start_above) & high.lt(span.end_below),
         low,
         high,
+    }
+}
+
+/// The edge functions of sheared triangles, how far they may be off, and the least and the greatest of them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Edges<S: Simd> {
+    u: S::F32,
+    v: S::F32,
+    w: S::F32,
+    pub(crate) error: S::F32,
+    pub(crate) least: S::F32,
+    pub(crate) greatest: S::F32,
+}
+
+impl<S: Simd> Edges<S> {
+    #[inline(always)]
+    pub(crate) fn of(simd: S, [[ax, ay], [bx, by], [cx, cy]]: [[S::F32; 2]; 3], vertex_error: f32) -> Self {
+        let u = cx * by - cy * bx;
+        let v = ax * cy - ay * cx;
+        let w = bx * ay - by * ax;
+        let size = ax.abs().max(ay.abs()).max(bx.abs().max(by.abs())).max(cx.abs().max(cy.abs()));
+        // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
+        let (first, second) = (8.0 * vertex_error, 4.0 * vertex_error * vertex_error);
+        let error = size.mul_add(simd.splat_f32(first), simd.splat_f32(second));
+        Self { u, v, w, error, least: u.min(v).min(w), greatest: u.max(v).max(w) }
     }
 }
 
@@ -465,7 +492,7 @@ mod tests {
                     tally.lost += 1;
                     continue;
                 };
-                let mut leaf = LeafRay::new(simd, &cull, Some(&Shear::of(&ray)));
+                let mut leaf = LeafRay::new(simd, &cull, true);
                 leaf.unit *= self.factor;
                 let probe = Probe::new(Scalar, &ray, span, true);
                 let (found, exact) = if let Some(triangle) = triangle {

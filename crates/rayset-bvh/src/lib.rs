@@ -16,11 +16,13 @@
 //! assert_eq!((hit.t, hit.primitive), (4.0, 0));
 //! ```
 
+mod axes;
 mod batch;
 mod boxes;
 mod build;
 mod bundle;
 mod duplicates;
+mod fans;
 mod frame;
 mod hierarchy;
 mod interval;
@@ -31,6 +33,7 @@ mod shapes;
 mod together;
 mod traverse;
 
+pub use axes::AXIS_MARGIN;
 pub use batch::Query;
 pub use boxes::BoxHierarchy;
 pub use bundle::{BundleScratch, Bundled};

@@ -9,7 +9,9 @@ use rayset_geometry::{
 };
 use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
+use crate::axes::AxisBlock;
 use crate::build::Reference;
+use crate::fans::{FanBlock, fan_len};
 use crate::frame::Frame;
 use crate::interval::{Intervals, LeafRay, SphereBlock, TriangleBlock};
 use crate::ray::CullRay;
@@ -67,6 +69,9 @@ impl Content for Anything {
     const OTHERS: bool = true;
 }
 
+/// Of what is tested by its `f64` test alone.
+const NO_BLOCK: u32 = u32::MAX;
+
 /// Primitives of one kind and visibility in a leaf.
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
@@ -77,7 +82,7 @@ pub(crate) struct Run {
     len: u16,
     /// The index of the first among those of its kind.
     pub(crate) first: u32,
-    /// The index of the block, of a sphere or triangle.
+    /// The index of the block, unless it is [`NO_BLOCK`].
     block: u32,
 }
 
@@ -87,6 +92,8 @@ pub(crate) struct Shapes<const W: usize> {
     runs: Vec<Run>,
     sphere_blocks: Vec<SphereBlock<W>>,
     triangle_blocks: Vec<TriangleBlock<W>>,
+    fan_blocks: Vec<FanBlock<W>>,
+    axis_blocks: Vec<AxisBlock<W>>,
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
     /// Polygons and cones.
@@ -106,9 +113,18 @@ pub(crate) struct Shapes<const W: usize> {
 pub(crate) struct Prepared<S: Simd> {
     simd: S,
     leaf: LeafRay<S>,
-    /// What the exact tests are made of; in lanes only where a leaf asks for them.
-    one: Probe<Scalar>,
+    /// What the exact tests are made of, where a leaf asks for them.
+    ray: Ray,
+    span: Span,
     departure: Option<Departure>,
+}
+
+impl<S: Simd> Prepared<S> {
+    /// What the tests of columns are made of; `is_flat` says whether there may be polygons.
+    #[inline(always)]
+    fn probe(&self, is_flat: bool) -> Probe<S> {
+        Probe::new(self.simd, &self.ray, self.span, is_flat)
+    }
 }
 
 /// The nearest hit so far: known to lie in an interval, or exactly.
@@ -242,14 +258,21 @@ impl<const W: usize> Shapes<W> {
         let block = match kind {
             PrimitiveKind::Sphere => self.sphere_blocks.len(),
             PrimitiveKind::Triangle => self.triangle_blocks.len(),
-            PrimitiveKind::Polygon | PrimitiveKind::Cone => 0,
+            PrimitiveKind::Polygon => self.fan_blocks.len(),
+            PrimitiveKind::Cone => self.axis_blocks.len(),
+        };
+        let has_block = match kind {
+            PrimitiveKind::Sphere | PrimitiveKind::Triangle | PrimitiveKind::Cone => true,
+            PrimitiveKind::Polygon => self.push_fans(frame, source, items, members),
         };
         let len = u16::try_from(members.len()).expect("a leaf is small");
-        self.runs.push(Run { kind, sides, goes_on: true, len, first, block: index_of(block) });
+        let block_index = if has_block { index_of(block) } else { NO_BLOCK };
+        self.runs.push(Run { kind, sides, goes_on: true, len, first, block: block_index });
         match kind {
             PrimitiveKind::Sphere => self.sphere_blocks.push(SphereBlock::EMPTY),
             PrimitiveKind::Triangle => self.triangle_blocks.push(TriangleBlock::EMPTY),
-            PrimitiveKind::Polygon | PrimitiveKind::Cone => {}
+            PrimitiveKind::Cone => self.axis_blocks.push(AxisBlock::EMPTY),
+            PrimitiveKind::Polygon => {}
         }
         for (lane, &number) in members.iter().enumerate() {
             let (_, index, _) = items[number as usize];
@@ -268,12 +291,36 @@ impl<const W: usize> Shapes<W> {
                     self.triangles.push(triangle);
                 }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
+                    if kind == PrimitiveKind::Cone {
+                        self.axis_blocks[block].set(lane, source.cone_axis(index), frame);
+                    }
                     self.columns.push_from(source, kind, index, sides);
                 }
             }
             self.places[number as usize] = (kind, first + index_of(lane));
             self.numbers[kind as usize].push(number);
         }
+    }
+
+    /// Puts polygons into a block, if all have a fan.
+    fn push_fans(
+        &mut self,
+        frame: &Frame,
+        source: &PrimitiveColumns,
+        items: &[(PrimitiveKind, u32, Sides)],
+        members: &[u32],
+    ) -> bool {
+        let mut block = FanBlock::EMPTY;
+        let mut lane = 0;
+        for (place, &number) in members.iter().enumerate() {
+            let vertices = source.polygon_vertices(items[number as usize].1);
+            if fan_len(vertices.len(), W - lane).is_none() {
+                return false;
+            }
+            lane = block.set(lane, place, &vertices, frame);
+        }
+        self.fan_blocks.push(block);
+        true
     }
 
     /// Whether there is nothing but spheres, or nothing but triangles.
@@ -293,7 +340,6 @@ impl<const W: usize> Shapes<W> {
         from: Option<(u32, Side)>,
     ) -> Prepared<S> {
         let is_flat = C::TRIANGLES && (!C::OTHERS || self.is_flat);
-        let one = Probe::new(Scalar, ray, span, is_flat);
         let departure = match from {
             None => None,
             Some((primitive, side)) => {
@@ -301,8 +347,7 @@ impl<const W: usize> Shapes<W> {
                 Some(Departure { kind, index, side })
             }
         };
-        let leaf = LeafRay::new(simd, cull, if is_flat { Some(one.shear()) } else { None });
-        Prepared { simd, leaf, one, departure }
+        Prepared { simd, leaf: LeafRay::new(simd, cull, is_flat), ray: *ray, span, departure }
     }
 
     /// The lanes of a run whose front, and whose back, may be hit.
@@ -339,26 +384,30 @@ impl<const W: usize> Shapes<W> {
         };
         match kind {
             _ if !C::TRIANGLES => {
-                self.spheres[index as usize].intersect(ray.one.ray(), ray.one.span(), sides, departure)
+                self.spheres[index as usize].intersect(&ray.ray, ray.span, sides, departure)
             }
             PrimitiveKind::Sphere if C::SPHERES => {
-                self.spheres[index as usize].intersect(ray.one.ray(), ray.one.span(), sides, departure)
+                self.spheres[index as usize].intersect(&ray.ray, ray.span, sides, departure)
             }
-            _ => self.triangles[index as usize].intersect(&ray.one, sides, departure),
+            _ => {
+                let probe = Probe::new(Scalar, &ray.ray, ray.span, true);
+                self.triangles[index as usize].intersect(&probe, sides, departure)
+            }
         }
     }
 
     #[inline(always)]
-    fn intervals<S: Simd, C: Content>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> Intervals<S> {
+    fn intervals<S: Simd, C: Content>(&self, i: usize, ray: &Prepared<S>, end: f32) -> Intervals<S> {
+        let run = &self.runs[i];
         let (front, back) = Self::allowed(run, ray.departure);
+        // Where there is nothing else, every run has its block, in the same order: no number to wait for.
+        let block = if C::SPHERES && C::TRIANGLES { run.block as usize } else { i };
         match run.kind {
-            _ if !C::TRIANGLES => {
-                self.sphere_blocks[run.block as usize].intervals(&ray.leaf, end, front, back)
-            }
+            _ if !C::TRIANGLES => self.sphere_blocks[block].intervals(&ray.leaf, end, front, back),
             PrimitiveKind::Sphere if C::SPHERES => {
-                self.sphere_blocks[run.block as usize].intervals(&ray.leaf, end, front, back)
+                self.sphere_blocks[block].intervals(&ray.leaf, end, front, back)
             }
-            _ => self.triangle_blocks[run.block as usize].intervals(&ray.leaf, end, front, back),
+            _ => self.triangle_blocks[block].intervals(&ray.leaf, end, front, back),
         }
     }
 
@@ -458,13 +507,17 @@ impl<const W: usize> Shapes<W> {
             let run = &self.runs[i];
             *tests += u64::from(run.len);
             match run.kind {
-                _ if !C::OTHERS => self.nearest_in_block::<S, C>(run, ray, cull, nearest, end),
+                _ if !C::OTHERS => self.nearest_in_block::<S, C>(i, ray, cull, nearest, end),
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
-                    self.nearest_in_block::<S, C>(run, ray, cull, nearest, end);
+                    self.nearest_in_block::<S, C>(i, ray, cull, nearest, end);
+                }
+                PrimitiveKind::Polygon if run.block != NO_BLOCK => {
+                    self.nearest_in_fans::<S, C>(run, ray, cull, nearest, end);
                 }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(hit) =
-                        self.columns.nearest(&ray.one.spread(ray.simd), &run.columns(), ray.departure)
+                    if let Some(part) = self.part(run, ray)
+                        && let Some(hit) =
+                            self.columns.nearest(&ray.probe(self.is_flat), &part, ray.departure)
                     {
                         let primitive = self.numbers[run.kind as usize][hit.index as usize];
                         self.offer::<S, C>(ray, cull, nearest, end, Hit { t: hit.t, primitive });
@@ -481,13 +534,14 @@ impl<const W: usize> Shapes<W> {
     #[inline(always)]
     fn nearest_in_block<S: Simd, C: Content>(
         &self,
-        run: &Run,
+        i: usize,
         ray: &Prepared<S>,
         cull: &CullRay,
         nearest: &mut Nearest,
         end: &mut f32,
     ) {
-        let found = self.intervals::<S, C>(run, ray, *end);
+        let run = &self.runs[i];
+        let found = self.intervals::<S, C>(i, ray, *end);
         let mut bits = found.possible.bits();
         if bits == 0 {
             return;
@@ -552,10 +606,15 @@ impl<const W: usize> Shapes<W> {
             let run = &self.runs[i];
             *tests += u64::from(run.len);
             let is_hit = match run.kind {
-                _ if !C::OTHERS => self.any_in_block::<S, C>(run, ray, end),
-                PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block::<S, C>(run, ray, end),
+                _ if !C::OTHERS => self.any_in_block::<S, C>(i, ray, end),
+                PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block::<S, C>(i, ray, end),
+                PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(run, ray, end),
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    self.columns.any(&ray.one.spread(ray.simd), &run.columns(), ray.departure).is_some()
+                    if let Some(part) = self.part(run, ray) {
+                        self.columns.any(&ray.probe(self.is_flat), &part, ray.departure).is_some()
+                    } else {
+                        false
+                    }
                 }
             };
             if is_hit || !run.goes_on {
@@ -566,8 +625,9 @@ impl<const W: usize> Shapes<W> {
     }
 
     #[inline(always)]
-    fn any_in_block<S: Simd, C: Content>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> bool {
-        let found = self.intervals::<S, C>(run, ray, end);
+    fn any_in_block<S: Simd, C: Content>(&self, i: usize, ray: &Prepared<S>, end: f32) -> bool {
+        let run = &self.runs[i];
+        let found = self.intervals::<S, C>(i, ray, end);
         if found.sure.any() {
             return true;
         }
@@ -582,11 +642,80 @@ impl<const W: usize> Shapes<W> {
         false
     }
 
+    /// What of a run of cones, or of polygons without a block, the `f64` test must look at.
+    #[inline(always)]
+    fn part<S: Simd>(&self, run: &Run, ray: &Prepared<S>) -> Option<ColumnRun> {
+        if run.block == NO_BLOCK {
+            return Some(run.columns());
+        }
+        let candidates = self.axis_blocks[run.block as usize].candidates(&ray.leaf);
+        if candidates == 0 {
+            return None;
+        }
+        let (first, last) = (candidates.trailing_zeros(), u32::BITS - 1 - candidates.leading_zeros());
+        let range = run.first + first..run.first + last + 1;
+        Some(ColumnRun { kind: run.kind, sides: run.sides, range })
+    }
+
+    #[inline(always)]
+    fn nearest_in_fans<S: Simd, C: Content>(
+        &self,
+        run: &Run,
+        ray: &Prepared<S>,
+        cull: &CullRay,
+        nearest: &mut Nearest,
+        end: &mut f32,
+    ) {
+        if run.is_left_by(ray.departure) {
+            return;
+        }
+        let block = &self.fan_blocks[run.block as usize];
+        let Some(mut fans) = block.test(&ray.leaf) else { return };
+        while let Some(polygon) = block.next(&mut fans) {
+            if polygon.low > *end || polygon.high < ray.leaf.start {
+                continue;
+            }
+            let one = run.column(polygon.place);
+            if let Some(hit) = self.columns.nearest(&ray.probe(true), &one, ray.departure) {
+                let primitive = self.numbers[run.kind as usize][hit.index as usize];
+                self.offer::<S, C>(ray, cull, nearest, end, Hit { t: hit.t, primitive });
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn any_in_fans<S: Simd>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> bool {
+        if run.is_left_by(ray.departure) {
+            return false;
+        }
+        let block = &self.fan_blocks[run.block as usize];
+        let Some(mut fans) = block.test(&ray.leaf) else { return false };
+        while let Some(polygon) = block.next(&mut fans) {
+            let one = run.column(polygon.place);
+            // A plane is never met again by a ray that leaves it.
+            let is_left = ray.departure.is_some_and(|d| d.kind == run.kind && d.index == one.range.start);
+            if is_left || polygon.low > end || polygon.high < ray.leaf.start {
+                continue;
+            }
+            let is_met = (polygon.is_front && run.sides != Sides::Back)
+                || (polygon.is_back && run.sides != Sides::Front);
+            if is_met && polygon.low > ray.leaf.start_above && polygon.high < ray.leaf.end_below {
+                return true;
+            }
+            if self.columns.any(&ray.probe(true), &one, ray.departure).is_some() {
+                return true;
+            }
+        }
+        false
+    }
+
     /// How many bytes the primitives take.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&self.runs[..])
             + size_of_val(&self.sphere_blocks[..])
             + size_of_val(&self.triangle_blocks[..])
+            + size_of_val(&self.fan_blocks[..])
+            + size_of_val(&self.axis_blocks[..])
             + size_of_val(&self.spheres[..])
             + size_of_val(&self.triangles[..])
             + size_of_val(&self.places[..])
@@ -599,6 +728,22 @@ impl Run {
     #[inline(always)]
     fn columns(&self) -> ColumnRun {
         ColumnRun { kind: self.kind, sides: self.sides, range: self.first..self.first + u32::from(self.len) }
+    }
+
+    /// Whether there is nothing but a plane that a ray leaves, which it never meets again.
+    #[inline(always)]
+    fn is_left_by(&self, departure: Option<Departure>) -> bool {
+        match departure {
+            Some(departure) => self.len == 1 && departure.kind == self.kind && departure.index == self.first,
+            None => false,
+        }
+    }
+
+    /// One of them.
+    #[inline(always)]
+    fn column(&self, place: u32) -> ColumnRun {
+        let index = self.first + place;
+        ColumnRun { kind: self.kind, sides: self.sides, range: index..index + 1 }
     }
 }
 

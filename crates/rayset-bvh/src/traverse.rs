@@ -28,6 +28,8 @@ pub struct Steps {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stack {
     entries: Vec<u64>,
+    /// The children alone, for who asks for no distances.
+    children: Vec<u32>,
     /// The same of a packet, with distances along its axis.
     pub(crate) together: Vec<(Child, f32)>,
 }
@@ -36,7 +38,7 @@ impl Stack {
     /// A stack that no traversal of the tree can overflow.
     pub(crate) fn of<const W: usize>(tree: &Tree<W>) -> Self {
         let len = tree.depth * (W - 1) + W;
-        Self { entries: vec![0; len], together: vec![(Child(0), 0.0); len] }
+        Self { entries: vec![0; len], children: vec![0; len + W], together: vec![(Child(0), 0.0); len] }
     }
 }
 
@@ -103,40 +105,32 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
                 bits &= bits - 1;
                 let (a, b) = (entry(node, &entries, first), entry(node, &entries, second));
                 let (mut a, mut b) = (a.min(b), a.max(b));
-                if bits == 0 {
-                    stack[height] = b;
-                    height += 1;
-                } else {
-                    let third = bits.trailing_zeros() as usize % W;
+                // A third that is not there lies behind all others; what is pushed after it takes its place.
+                let third = bits.trailing_zeros() as usize % W;
+                let has_third = bits != 0;
+                bits &= bits.wrapping_sub(1);
+                let mut c = if has_third { entry(node, &entries, third) } else { u64::MAX };
+                (b, c) = (b.min(c), b.max(c));
+                (a, b) = (a.min(b), a.max(b));
+                let base = height;
+                stack[height] = c;
+                height += usize::from(has_third);
+                stack[height] = b;
+                height += 1;
+                while bits != 0 {
+                    let lane = bits.trailing_zeros() as usize % W;
                     bits &= bits - 1;
-                    let mut c = entry(node, &entries, third);
-                    (b, c) = (b.min(c), b.max(c));
-                    (a, b) = (a.min(b), a.max(b));
-                    if bits == 0 {
-                        let top = &mut stack[height..height + 2];
-                        (top[0], top[1]) = (c, b);
-                        height += 2;
-                    } else {
-                        let base = height;
-                        let top = &mut stack[height..height + 3];
-                        (top[0], top[1]) = (c, b);
-                        height += 2;
-                        while bits != 0 {
-                            let lane = bits.trailing_zeros() as usize % W;
-                            bits &= bits - 1;
-                            let other = entry(node, &entries, lane);
-                            let (nearer, other) = (a.min(other), a.max(other));
-                            a = nearer;
-                            // Insertion into what this node has pushed, the nearest last.
-                            let mut place = height;
-                            while place > base && stack[place - 1] < other {
-                                stack[place] = stack[place - 1];
-                                place -= 1;
-                            }
-                            stack[place] = other;
-                            height += 1;
-                        }
+                    let other = entry(node, &entries, lane);
+                    let (nearer, other) = (a.min(other), a.max(other));
+                    a = nearer;
+                    // Insertion into what this node has pushed, the nearest last.
+                    let mut place = height;
+                    while place > base && stack[place - 1] < other {
+                        stack[place] = stack[place - 1];
+                        place -= 1;
                     }
+                    stack[place] = other;
+                    height += 1;
                 }
                 current = child_of(a);
                 continue;
@@ -157,6 +151,66 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
     }
     steps.nodes += nodes;
     steps.leaves += leaves;
+}
+
+/// Visits leaves whose boxes the ray may meet, in any order, until one says that the ray is stopped; whether one did.
+///
+/// What is met is put on the stack all at once: without an order there is no number of children to guess.
+#[inline(always)]
+pub(crate) fn is_stopped<S: Simd, const W: usize>(
+    simd: S,
+    tree: &Tree<W>,
+    stack: &mut Stack,
+    ray: &CullRay,
+    end: f32,
+    steps: &mut Steps,
+    visitor: &mut impl Visitor,
+) -> bool {
+    assert!(S::F32::LANES == W, "a node is as wide as the lanes");
+    let (near_planes, far_planes) = (ray.near, ray.far);
+    assert!(near_planes[0].max(near_planes[1]).max(near_planes[2]) < 6, "a node has six planes");
+    assert!(far_planes[0].max(far_planes[1]).max(far_planes[2]) < 6, "a node has six planes");
+    let [ix, iy, iz] = splat(simd, ray.inverse);
+    let [nx, ny, nz] = splat(simd, ray.near_offset);
+    let [fx, fy, fz] = splat(simd, ray.far_offset);
+    let (start, end) = (simd.splat_f32(ray.start), simd.splat_f32(end));
+    let stack = stack.children.as_mut_slice();
+    let mut height = 0;
+    let mut current = tree.root;
+    let (mut nodes, mut leaves) = (0, 0);
+    let is_stopped = loop {
+        if current.is_leaf() {
+            leaves += 1;
+            if visitor.leaf(current.index()).is_none() {
+                break true;
+            }
+        } else {
+            nodes += 1;
+            let node = &tree.nodes[current.index()];
+            let [near_x, near_y, near_z] = load(simd, node, near_planes);
+            let [far_x, far_y, far_z] = load(simd, node, far_planes);
+            let (near_x, far_x) = (near_x.mul_add(ix, nx), far_x.mul_add(ix, fx));
+            let (near_y, far_y) = (near_y.mul_add(iy, ny), far_y.mul_add(iy, fy));
+            let (near_z, far_z) = (near_z.mul_add(iz, nz), far_z.mul_add(iz, fz));
+            let met = near_x.max(near_y).max(near_z.max(start)).le(far_x.min(far_y).min(far_z.min(end)));
+            let bits = met.bits();
+            if bits != 0 {
+                let others = bits & (bits - 1);
+                current = Child(node.children[bits.trailing_zeros() as usize % W]);
+                simd.compress_u32(simd.mask_f32(others), &node.children, &mut stack[height..height + W]);
+                height += others.count_ones() as usize;
+                continue;
+            }
+        }
+        if height == 0 {
+            break false;
+        }
+        height -= 1;
+        current = Child(stack[height]);
+    };
+    steps.nodes += nodes;
+    steps.leaves += leaves;
+    is_stopped
 }
 
 #[inline(always)]

@@ -178,6 +178,40 @@ impl PrimitiveColumns {
         Triangle::new(vertex(0), vertex(1), vertex(2))
     }
 
+    /// The axis of a cone, a point and a unit vector, and how far from it any hit lies, up to the rounding of
+    /// coordinates; in world space.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such cone.
+    #[must_use]
+    pub fn cone_axis(&self, index: u32) -> (DVec3, DVec3, f64) {
+        Cone::axis_of(&std::array::from_fn(|k| self.cones[k][index as usize]))
+    }
+
+    /// How many vertices a polygon has.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such polygon.
+    #[must_use]
+    pub fn polygon_len(&self, index: u32) -> usize {
+        let i = index as usize;
+        (self.polygon_starts[i + 1] - self.polygon_starts[i]) as usize - 1
+    }
+
+    /// The vertices of a polygon.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such polygon.
+    #[must_use]
+    pub fn polygon_vertices(&self, index: u32) -> Vec<DVec3> {
+        let (i, [x, y, z]) = (index as usize, &self.polygon_vertices);
+        let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize - 1;
+        vertices.map(|v| DVec3::new(x[v], y[v], z[v])).collect()
+    }
+
     /// The bits of the numbers that a primitive is tested by.
     ///
     /// Of primitives of one kind with the same bits, every test gives the same answer.

@@ -127,6 +127,14 @@ impl Cone {
         boxes.into_iter().collect()
     }
 
+    /// A point of the axis, its direction, and the largest radius of these [`parameters`](Self::parameters) and the
+    /// thickness.
+    pub(crate) fn axis_of(parameters: &[f64; PARAMETERS]) -> (DVec3, DVec3, f64) {
+        let [bx, by, bz, ax, ay, az, height, base_radius, slope, _, widest] = *parameters;
+        let radius = base_radius.max(base_radius + slope * height);
+        (DVec3::new(bx, by, bz), DVec3::new(ax, ay, az), widest + (widest - radius))
+    }
+
     /// How far from the truncated solid cone a computed hit may lie, apart from the rounding of coordinates; in world
     /// units.
     pub(crate) fn thickness(&self) -> f64 {

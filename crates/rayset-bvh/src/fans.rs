@@ -1,0 +1,292 @@
+//! Single-precision tests of polygons that have few vertices, each as a fan of triangles.
+//!
+//! The edges of a fan within the polygon are passed once in each direction: so a closed polygon winds round a point as
+//! often as all triangles of its fan together, whether it is convex or not. A ray that passes all of them by misses the
+//! polygon; one that surely hits a single one, and surely none of the others, hits it, since one is odd.
+//! What is not sure is left to the `f64` test.
+
+use rayset_geometry::glam::DVec3;
+use rayset_simd::{LaneMask, Lanes, Simd};
+
+use crate::frame::Frame;
+use crate::interval::{DEPTH_MARGIN, Edges, LeafRay, TriangleBlock, VERTEX_MARGIN};
+
+/// A polygon of more vertices is not tested as a fan: by its `f64` test alone it is as fast.
+const MOST_VERTICES: usize = 8;
+
+/// The fans of several polygons, a triangle a lane.
+#[derive(Clone, Debug)]
+pub(crate) struct FanBlock<const W: usize> {
+    triangles: TriangleBlock<W>,
+    /// The lanes of the polygon that a lane is of.
+    lanes: [u16; W],
+    /// Its place among the polygons of the block.
+    owners: [u8; W],
+}
+
+/// What single precision knows of a ray and the polygons of a block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fans<const W: usize> {
+    /// The lanes whose triangles may be hit.
+    possible: u32,
+    /// Those whose front, and whose back, must be.
+    front: u32,
+    back: u32,
+    /// Between which distances their corners lie, in culling space.
+    lows: [f32; W],
+    highs: [f32; W],
+}
+
+/// A polygon that a ray may hit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    /// Its place among the polygons of the block.
+    pub(crate) place: u32,
+    /// Whether its front, or its back, is surely hit, if the distance counts.
+    pub(crate) is_front: bool,
+    pub(crate) is_back: bool,
+    /// Between which distances a hit lies.
+    pub(crate) low: f32,
+    pub(crate) high: f32,
+}
+
+/// How many triangles the fan of a polygon with so many vertices has; `None` if it is not tested as a fan of up to
+/// `lanes`.
+pub(crate) fn fan_len(vertices: usize, lanes: usize) -> Option<usize> {
+    let len = vertices.saturating_sub(2);
+    (vertices <= MOST_VERTICES && len <= lanes).then_some(len)
+}
+
+impl<const W: usize> FanBlock<W> {
+    pub(crate) const EMPTY: Self = Self { triangles: TriangleBlock::EMPTY, lanes: [0; W], owners: [0; W] };
+
+    /// Adds a polygon from a lane on; returns the lane after it.
+    pub(crate) fn set(&mut self, first: usize, place: usize, vertices: &[DVec3], frame: &Frame) -> usize {
+        let corner = |i: usize| frame.point(vertices[i]).to_array();
+        let after = first + vertices.len() - 2;
+        for lane in first..after {
+            let i = lane - first + 1;
+            self.triangles.set(lane, [corner(0), corner(i), corner(i + 1)]);
+            self.lanes[lane] = u16::try_from((1_u32 << after) - (1 << first)).expect("at most 16 lanes");
+            self.owners[lane] = u8::try_from(place).expect("at most 16 polygons");
+        }
+        after
+    }
+
+    /// Tests a ray; `None` if it surely misses everything.
+    #[inline(always)]
+    pub(crate) fn test<S: Simd>(&self, ray: &LeafRay<S>) -> Option<Fans<W>> {
+        let simd = ray.simd;
+        let [a, b, c] =
+            [self.triangles.vertex(ray, 0), self.triangles.vertex(ray, 3), self.triangles.vertex(ray, 6)];
+        let edges = Edges::of(simd, [[a[0], a[1]], [b[0], b[1]], [c[0], c[1]]], VERTEX_MARGIN * ray.unit);
+        let Edges { error, least, greatest, .. } = edges;
+        let possible = (least.ge(-error) | greatest.le(error)).bits();
+        if possible == 0 {
+            return None;
+        }
+        let twice = error + error;
+        let sz = simd.splat_f32(ray.factors[2]);
+        let (a, b, c) = (sz * a[2], sz * b[2], sz * c[2]);
+        let slack = simd.splat_f32(DEPTH_MARGIN * ray.unit);
+        let (mut lows, mut highs) = ([0.0; W], [0.0; W]);
+        (a.min(b).min(c) - slack).store(&mut lows);
+        (a.max(b).max(c) + slack).store(&mut highs);
+        let (front, back) = (least.gt(twice).bits(), greatest.lt(-twice).bits());
+        Some(Fans { possible, front, back, lows, highs })
+    }
+
+    /// Takes a polygon that may be hit out of what is known.
+    #[inline(always)]
+    pub(crate) fn next(&self, fans: &mut Fans<W>) -> Option<Candidate> {
+        if fans.possible == 0 {
+            return None;
+        }
+        let first = fans.possible.trailing_zeros() as usize % W;
+        let mut lanes = u32::from(self.lanes[first]);
+        let met = fans.possible & lanes;
+        fans.possible &= !lanes;
+        let is_one = met & (met - 1) == 0;
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % W;
+            lanes &= lanes - 1;
+            low = low.min(fans.lows[lane]);
+            high = high.max(fans.highs[lane]);
+        }
+        Some(Candidate {
+            place: u32::from(self.owners[first]),
+            is_front: is_one && fans.front & met != 0,
+            is_back: is_one && fans.back & met != 0,
+            low,
+            high,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+    use rayset_geometry::{BoundingBox, Polygon, Primitive, Ray, Side, Sides, Span};
+    use rayset_simd::{Backend, Kernel};
+
+    use super::*;
+    use crate::ray::CullRay;
+
+    /// How often the single-precision answer contradicts the exact one, and how often it is sure.
+    #[derive(Debug, Default)]
+    struct Tally {
+        lost: u32,
+        false_sure: u32,
+        out_of_interval: u32,
+        sure: u32,
+        hits: u32,
+    }
+
+    struct Dice(ChaCha8Rng);
+
+    impl Dice {
+        fn within(&mut self, low: f64, high: f64) -> f64 {
+            low + (high - low) * f64::from(self.0.next_u32()) / f64::from(u32::MAX)
+        }
+        fn point(&mut self) -> DVec3 {
+            DVec3::from_array(std::array::from_fn(|_| self.within(-1.0, 1.0)))
+        }
+        fn pick<const N: usize>(&mut self, values: [f64; N]) -> f64 {
+            values[self.0.next_u32() as usize % N]
+        }
+    }
+
+    /// Rays aimed at the edges, outer ones and those of the fan, of polygons that are convex, concave, or cross
+    /// themselves.
+    struct Doubtful {
+        /// By what the margins are multiplied.
+        factor: f32,
+    }
+
+    impl Kernel for Doubtful {
+        type Output = Tally;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> Tally {
+            let mut dice = Dice(ChaCha8Rng::seed_from_u64(7));
+            let mut tally = Tally::default();
+            for case in 0..60_000 {
+                let (scale, shift) = (dice.pick([1.0, 0.3, 1e4]), dice.point() * dice.pick([0.0, 1.0, 1e3]));
+                let place = |p: DVec3| scale * (p + shift);
+                let frame = Frame::of(&BoundingBox { min: place(DVec3::NEG_ONE), max: place(DVec3::ONE) });
+                let n = 4 + case % (MOST_VERTICES - 3);
+                let size = 0.3 * dice.pick([1.0, 0.1, 1e-2]);
+                let (center, mut x, mut y) = (0.6 * dice.point(), size * dice.point(), size * dice.point());
+                if case % 7 == 0 {
+                    // Seen from above or below, all its vertices have one depth.
+                    (x.z, y.z) = (0.0, 0.0);
+                }
+                let mut angle = 0.0;
+                let corners: Vec<DVec3> = (0..n)
+                    .map(|_| {
+                        angle += dice.within(0.0, 2.0);
+                        let reach = if case % 2 == 0 { 1.0 } else { dice.within(0.1, 1.0) };
+                        // As good a circle as any.
+                        let (c, s) = (1.0 - angle * angle / 8.0, angle * (1.0 - angle / 6.0));
+                        center + reach * (c * x + s * y)
+                    })
+                    .collect();
+                let Some(polygon) = Polygon::new(corners.iter().map(|&corner| place(corner)).collect())
+                else {
+                    continue;
+                };
+                let pair = [dice.0.next_u32() as usize % n, dice.0.next_u32() as usize % n];
+                let (p, q) = (corners[pair[0]], corners[if case % 3 == 0 { 0 } else { pair[1] }]);
+                let offset = dice.pick([0.0, 1e-8, -1e-8, 1e-7, -1e-7, 1e-6, 1e-3, 0.1]);
+                let target = p + dice.within(0.0, 1.0) * (q - p) + offset * (center - p);
+                let far = dice.pick([1.0, 3.0, 50.0]) * dice.point();
+                // From nearby, where coordinates are long beside distances.
+                let eye = if case % 7 == 0 { target + 1e-2 * (DVec3::Z + 0.5 * dice.point()) } else { far };
+                let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
+                let Some(cull) = CullRay::new(&frame, &ray, Span::FORWARD) else { continue };
+                let mut leaf = LeafRay::new(simd, &cull, true);
+                leaf.unit *= self.factor;
+                let vertices = polygon.vertices();
+                let found = if S::F32::LANES == 16 {
+                    candidate::<S, 16>(&leaf, vertices, &frame)
+                } else {
+                    candidate::<S, 8>(&leaf, vertices, &frame)
+                };
+                let primitive = Primitive::from(polygon);
+                let hit = |sides| primitive.intersect(&ray, Span::FORWARD, sides, None);
+                let exact = hit(Sides::Both);
+                tally.hits += u32::from(exact.is_some());
+                let Some(found) = found else {
+                    tally.lost += u32::from(exact.is_some());
+                    continue;
+                };
+                let side = match (found.is_front, found.is_back) {
+                    (true, _) => Some(Side::Front),
+                    (_, true) => Some(Side::Back),
+                    _ => None,
+                };
+                tally.sure += u32::from(side.is_some());
+                let is_ahead = found.low > 0.0;
+                if let Some(side) = side
+                    && is_ahead
+                {
+                    let sides = if side == Side::Front { Sides::Front } else { Sides::Back };
+                    tally.false_sure += u32::from(hit(sides).is_none());
+                }
+                if let Some(t) = exact {
+                    let is_within = found.low <= cull.end(t) && found.high >= cull.below(t);
+                    tally.out_of_interval += u32::from(!is_within);
+                }
+            }
+            tally
+        }
+    }
+
+    #[inline(always)]
+    fn candidate<S: Simd, const W: usize>(
+        leaf: &LeafRay<S>,
+        vertices: &[DVec3],
+        frame: &Frame,
+    ) -> Option<Candidate> {
+        let mut block = FanBlock::<W>::EMPTY;
+        let after = block.set(1, 3, vertices, frame);
+        assert_eq!(after, vertices.len() - 1);
+        let mut fans = block.test(leaf)?;
+        let candidate = block.next(&mut fans);
+        assert!(candidate.is_none_or(|candidate| candidate.place == 3));
+        assert!(block.next(&mut fans).is_none(), "there is one polygon");
+        candidate
+    }
+
+    #[test]
+    fn no_polygon_is_lost_and_no_sure_one_is_none() {
+        for &backend in Backend::available() {
+            let tally = backend.run(Doubtful { factor: 1.0 });
+            assert_eq!(
+                (tally.lost, tally.false_sure, tally.out_of_interval),
+                (0, 0, 0),
+                "{backend}: {tally:?}"
+            );
+            assert!(tally.hits > 5_000 && tally.sure > 1_000, "{backend}: {tally:?}");
+        }
+    }
+
+    #[test]
+    fn without_the_margins_polygons_are_lost() {
+        for &backend in Backend::available() {
+            let tally = backend.run(Doubtful { factor: 0.0 });
+            assert!(
+                tally.lost > 0 && tally.false_sure > 0 && tally.out_of_interval > 0,
+                "{backend}: {tally:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn polygons_of_many_vertices_have_no_fan() {
+        assert_eq!((fan_len(3, 16), fan_len(8, 8), fan_len(9, 16)), (Some(1), Some(6), None));
+        assert_eq!(fan_len(8, 5), None);
+    }
+}
