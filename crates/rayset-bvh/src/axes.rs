@@ -37,21 +37,45 @@ impl<const W: usize> AxisBlock<W> {
     #[inline(always)]
     pub(crate) fn candidates<S: Simd>(&self, ray: &LeafRay<S>) -> u32 {
         let simd = ray.simd;
-        let [bx, by, bz] = self.load(simd, &self.base);
-        let [ax, ay, az] = self.load(simd, &self.direction);
-        let ([ox, oy, oz], [dx, dy, dz]) = (splat(simd, ray.origin), splat(simd, ray.direction));
-        let (x, y, z) = (bx - ox, by - oy, bz - oz);
-        let (nx, ny, nz) = (dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax);
-        let apart = x.mul_add(nx, y.mul_add(ny, z * nz)).abs() - simd.splat_f32(AXIS_MARGIN * ray.unit);
-        let apart = apart.max(simd.splat_f32(0.0));
-        let reach = simd.load_f32(&self.reach);
-        (apart * apart).le(reach * reach * nx.mul_add(nx, ny.mul_add(ny, nz * nz))).bits()
+        let (base, direction) = (self.load(simd, &self.base), self.load(simd, &self.direction));
+        let ray_lanes = (splat(simd, ray.origin), splat(simd, ray.direction));
+        is_near(simd, (base, direction), simd.load_f32(&self.reach), ray_lanes, ray.unit).bits()
+    }
+
+    /// The rays, a lane each, that may hit one.
+    #[inline(always)]
+    pub(crate) fn rays_that_meet<S: Simd>(
+        &self,
+        simd: S,
+        lane: usize,
+        rays: ([S::F32; 3], [S::F32; 3]),
+        unit: f32,
+    ) -> <S::F32 as Lanes>::Mask {
+        let one = |[x, y, z]: &[[f32; W]; 3]| [x[lane], y[lane], z[lane]];
+        let axis = (splat(simd, one(&self.base)), splat(simd, one(&self.direction)));
+        is_near(simd, axis, simd.splat_f32(self.reach[lane]), rays, unit)
     }
 
     #[inline(always)]
     fn load<S: Simd>(&self, simd: S, [x, y, z]: &[[f32; W]; 3]) -> [S::F32; 3] {
         [simd.load_f32(x), simd.load_f32(y), simd.load_f32(z)]
     }
+}
+
+/// Whether axes pass within reach of the lines of rays, a pair a lane.
+#[inline(always)]
+fn is_near<S: Simd>(
+    simd: S,
+    ([bx, by, bz], [ax, ay, az]): ([S::F32; 3], [S::F32; 3]),
+    reach: S::F32,
+    ([ox, oy, oz], [dx, dy, dz]): ([S::F32; 3], [S::F32; 3]),
+    unit: f32,
+) -> <S::F32 as Lanes>::Mask {
+    let (x, y, z) = (bx - ox, by - oy, bz - oz);
+    let (nx, ny, nz) = (dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax);
+    let apart = x.mul_add(nx, y.mul_add(ny, z * nz)).abs() - simd.splat_f32(AXIS_MARGIN * unit);
+    let apart = apart.max(simd.splat_f32(0.0));
+    (apart * apart).le(reach * reach * nx.mul_add(nx, ny.mul_add(ny, nz * nz)))
 }
 
 #[cfg(test)]

@@ -138,10 +138,26 @@ impl Hierarchy {
     ) {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.bundle::<S, NearestHits<'_>>(simd, &self.frame, rays, range, class, NearestHits(hits), scratch);
+                wide.bundle::<S, NearestHits<'_>>(
+                    simd,
+                    &self.frame,
+                    rays,
+                    range,
+                    class,
+                    NearestHits(hits),
+                    scratch,
+                );
             }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.bundle::<S, NearestHits<'_>>(simd, &self.frame, rays, range, class, NearestHits(hits), scratch);
+                wide.bundle::<S, NearestHits<'_>>(
+                    simd,
+                    &self.frame,
+                    rays,
+                    range,
+                    class,
+                    NearestHits(hits),
+                    scratch,
+                );
             }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
@@ -164,10 +180,26 @@ impl Hierarchy {
     ) {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.bundle::<S, Occluded<'_>>(simd, &self.frame, rays, range, class, Occluded(occluded), scratch);
+                wide.bundle::<S, Occluded<'_>>(
+                    simd,
+                    &self.frame,
+                    rays,
+                    range,
+                    class,
+                    Occluded(occluded),
+                    scratch,
+                );
             }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.bundle::<S, Occluded<'_>>(simd, &self.frame, rays, range, class, Occluded(occluded), scratch);
+                wide.bundle::<S, Occluded<'_>>(
+                    simd,
+                    &self.frame,
+                    rays,
+                    range,
+                    class,
+                    Occluded(occluded),
+                    scratch,
+                );
             }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
@@ -277,7 +309,10 @@ struct Alone<'a, const W: usize> {
 
 impl<const W: usize> Wide<W> {
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "rays, what they are traced with, and where the answers go")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "rays, what they are traced with, and where the answers go"
+    )]
     fn bundle<S: Simd, L: List>(
         &self,
         simd: S,
@@ -295,7 +330,8 @@ impl<const W: usize> Wide<W> {
             let len = (range.end - first).min(W * W);
             let is_answered = suits && len >= LEAST_PACKET && {
                 let Class { tiles, packets, .. } = &mut scratch.classes[class];
-                let (try_tile, try_packets) = (len > W && tiles.is_due(), packets.wait <= len.div_ceil(W) as u32);
+                let (try_tile, try_packets) =
+                    (len > W && tiles.is_due(), packets.wait <= len.div_ceil(W) as u32);
                 if try_tile || try_packets {
                     self.tile(simd, frame, rays, first, len, class, try_tile, &mut list, scratch);
                     true
@@ -477,7 +513,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for Descent<'_, S, Q, W
     }
 }
 
-/// The steps of a descent: nodes, leaves, and tests of a primitive.
+/// The steps of a descent: nodes, leaves, and tests of a primitive; an exact one of a single ray counts as one too.
 fn spent<const W: usize>(nodes: u64, leaves: u64, progress: &Progress<W>) -> u64 {
-    nodes + leaves + progress.shaft_tests + progress.packet_tests
+    nodes + leaves + progress.shaft_tests + progress.packet_tests + progress.exact_tests
 }

@@ -10,6 +10,8 @@ use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::Frame;
 use crate::interval::{DEPTH_MARGIN, Edges, LeafRay, TriangleBlock, VERTEX_MARGIN};
+use crate::packet::{Packet, Shaft};
+use crate::together::SHEAR_SCALE;
 
 /// A polygon of more vertices is not tested as a fan: by its `f64` test alone it is as fast.
 const MOST_VERTICES: usize = 8;
@@ -94,6 +96,33 @@ impl<const W: usize> FanBlock<W> {
         (a.max(b).max(c) + slack).store(&mut highs);
         let (front, back) = (least.gt(twice).bits(), greatest.lt(-twice).bits());
         Some(Fans { possible, front, back, lows, highs })
+    }
+
+    /// The rays of a packet, a lane each, that may hit the polygon at a place, and no nearer than where.
+    #[inline(always)]
+    pub(crate) fn rays_that_meet<S: Simd>(
+        &self,
+        simd: S,
+        place: u32,
+        shaft: &Shaft<S>,
+        packet: &Packet<S, W>,
+    ) -> (<S::F32 as Lanes>::Mask, S::F32) {
+        let mut met = simd.mask_f32(0);
+        let mut low = simd.splat_f32(f32::INFINITY);
+        let unit = SHEAR_SCALE * shaft.unit;
+        for lane in 0..W {
+            if self.lanes[lane] == 0 || u32::from(self.owners[lane]) != place {
+                continue;
+            }
+            let [a, b, c] = self.triangles.one(simd, lane, shaft.axes);
+            let [a, b, c] = [shaft.shear(packet, a), shaft.shear(packet, b), shaft.shear(packet, c)];
+            let edges = Edges::of(simd, [[a[0], a[1]], [b[0], b[1]], [c[0], c[1]]], VERTEX_MARGIN * unit);
+            let Edges { error, least, greatest, .. } = edges;
+            met = met | least.ge(-error) | greatest.le(error);
+            let sz = packet.factors[2];
+            low = low.min((sz * a[2]).min(sz * b[2]).min(sz * c[2]) - simd.splat_f32(DEPTH_MARGIN * unit));
+        }
+        (met, low)
     }
 
     /// Takes a polygon that may be hit out of what is known.

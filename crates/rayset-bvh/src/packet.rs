@@ -14,7 +14,7 @@ use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Side, Span};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
-use crate::frame::{Frame, round_down, round_up};
+use crate::frame::{CullBox, Frame, round_down, round_up};
 use crate::hierarchy::ahead;
 use crate::node::{Child, Node};
 use crate::ray::{HIT_MARGIN, SINGLE};
@@ -240,7 +240,8 @@ fn through<S: Simd>(
 ) -> Line<S> {
     let slope = (at_far - at_near) * simd.splat_f32(1.0 / (far - near));
     let [fixed, steep] = SHAFT_MARGIN;
-    let slack = slope.abs().mul_add(simd.splat_f32(outwards * unit * steep), simd.splat_f32(outwards * unit * fixed));
+    let slack =
+        slope.abs().mul_add(simd.splat_f32(outwards * unit * steep), simd.splat_f32(outwards * unit * fixed));
     Line { at: at_near - slope * simd.splat_f32(near) + slack, slope }
 }
 
@@ -265,11 +266,7 @@ pub(crate) struct Shaft<S: Simd> {
 impl<S: Simd> Shaft<S> {
     /// The shaft of packets of the same rounding, whose factors it sets; `None` if none holds them.
     #[inline(always)]
-    pub(crate) fn around<const W: usize>(
-        simd: S,
-        packets: &mut [Packet<S, W>],
-        unit: f32,
-    ) -> Option<Self> {
+    pub(crate) fn around<const W: usize>(simd: S, packets: &mut [Packet<S, W>], unit: f32) -> Option<Self> {
         // The axis along which the first, a middle and the last ray go most.
         let (start, middle, end) = (&packets[0], &packets[packets.len() / 2], &packets[packets.len() - 1]);
         let mut sums = [0.0_f32; 3];
@@ -359,7 +356,8 @@ impl<S: Simd> Shaft<S> {
     #[inline(always)]
     pub(crate) fn reach<const W: usize>(&self, simd: S, packet: &Packet<S, W>) -> f32 {
         let z = self.axes[2];
-        let deepest = packet.ends.mul_add(packet.direction[z], packet.origin[z]) * simd.splat_f32(self.towards);
+        let deepest =
+            packet.ends.mul_add(packet.direction[z], packet.origin[z]) * simd.splat_f32(self.towards);
         (deepest.greatest() + SHAFT_MARGIN[0] * self.unit).min(BEYOND)
     }
 
@@ -473,6 +471,39 @@ pub(crate) trait Planes<S: Simd> {
     fn plane(&self, simd: S, plane: usize) -> S::F32;
 }
 
+/// The boxes of primitives that no other block tells the boxes of.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct BoxBlock<const W: usize> {
+    planes: [[f32; W]; 6],
+}
+
+impl<const W: usize> BoxBlock<W> {
+    /// A block without boxes: no comparison with NaN holds.
+    pub(crate) const EMPTY: Self = Self { planes: [[f32::NAN; W]; 6] };
+
+    pub(crate) fn set(&mut self, lane: usize, bounds: &CullBox) {
+        for k in 0..3 {
+            self.planes[k][lane] = bounds.low[k];
+            self.planes[3 + k][lane] = bounds.high[k];
+        }
+    }
+
+    /// The box of a primitive.
+    #[inline(always)]
+    pub(crate) fn bounds(&self, lane: usize) -> [[f32; 3]; 2] {
+        let plane = |k: usize| self.planes[k][lane];
+        [[plane(0), plane(1), plane(2)], [plane(3), plane(4), plane(5)]]
+    }
+}
+
+impl<S: Simd, const W: usize> Planes<S> for BoxBlock<W> {
+    #[inline(always)]
+    fn plane(&self, simd: S, plane: usize) -> S::F32 {
+        simd.load_f32(&self.planes[plane])
+    }
+}
+
 impl<S: Simd, const W: usize> Planes<S> for Node<W> {
     #[inline(always)]
     fn plane(&self, simd: S, plane: usize) -> S::F32 {
@@ -486,7 +517,6 @@ mod tests {
     use rayset_simd::{Backend, Kernel};
 
     use super::*;
-    use crate::frame::CullBox;
 
     /// One box, the same in every lane.
     struct One(CullBox);
@@ -507,7 +537,11 @@ mod tests {
         type Output = (usize, usize);
 
         fn run<S: Simd>(self, simd: S) -> (usize, usize) {
-            if S::F32::LANES == 16 { grazing::<S, 16>(simd, self.factor) } else { grazing::<S, 8>(simd, self.factor) }
+            if S::F32::LANES == 16 {
+                grazing::<S, 16>(simd, self.factor)
+            } else {
+                grazing::<S, 8>(simd, self.factor)
+            }
         }
     }
 

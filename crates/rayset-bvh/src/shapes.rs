@@ -14,6 +14,7 @@ use crate::build::Reference;
 use crate::fans::{FanBlock, fan_len};
 use crate::frame::Frame;
 use crate::interval::{Intervals, LeafRay, SphereBlock, TriangleBlock};
+use crate::packet::BoxBlock;
 use crate::ray::CullRay;
 
 /// What is hit.
@@ -84,6 +85,8 @@ pub(crate) struct Run {
     pub(crate) first: u32,
     /// The index of the block, unless it is [`NO_BLOCK`].
     block: u32,
+    /// The index of the block of boxes, of polygons or cones.
+    boxes: u32,
 }
 
 /// Primitives of any shape, each with the sides it can be hit from.
@@ -94,6 +97,7 @@ pub(crate) struct Shapes<const W: usize> {
     triangle_blocks: Vec<TriangleBlock<W>>,
     fan_blocks: Vec<FanBlock<W>>,
     axis_blocks: Vec<AxisBlock<W>>,
+    box_blocks: Vec<BoxBlock<W>>,
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
     /// Polygons and cones.
@@ -205,6 +209,7 @@ impl<const W: usize> Shapes<W> {
             len: u16::try_from(leaf.len()).expect("a leaf is small"),
             first: leaf.start,
             block: index_of(block),
+            boxes: NO_BLOCK,
         };
         shapes.runs = leaves.par_iter().enumerate().with_min_len(1024).map(run).collect();
         let members = |leaf: &Range<u32>| &references[leaf.start as usize..leaf.end as usize];
@@ -267,7 +272,11 @@ impl<const W: usize> Shapes<W> {
         };
         let len = u16::try_from(members.len()).expect("a leaf is small");
         let block_index = if has_block { index_of(block) } else { NO_BLOCK };
-        self.runs.push(Run { kind, sides, goes_on: true, len, first, block: block_index });
+        let boxes = index_of(self.box_blocks.len());
+        self.runs.push(Run { kind, sides, goes_on: true, len, first, block: block_index, boxes });
+        if matches!(kind, PrimitiveKind::Polygon | PrimitiveKind::Cone) {
+            self.box_blocks.push(BoxBlock::EMPTY);
+        }
         match kind {
             PrimitiveKind::Sphere => self.sphere_blocks.push(SphereBlock::EMPTY),
             PrimitiveKind::Triangle => self.triangle_blocks.push(TriangleBlock::EMPTY),
@@ -294,6 +303,8 @@ impl<const W: usize> Shapes<W> {
                     if kind == PrimitiveKind::Cone {
                         self.axis_blocks[block].set(lane, source.cone_axis(index), frame);
                     }
+                    let bounds = frame.cull_box(&source.bounding_box(kind, index));
+                    self.box_blocks[boxes as usize].set(lane, &bounds);
                     self.columns.push_from(source, kind, index, sides);
                 }
             }
@@ -417,12 +428,6 @@ impl<const W: usize> Shapes<W> {
         &self.runs
     }
 
-    /// Whether everything stands in blocks: spheres and triangles.
-    pub(crate) fn has_blocks_only(&self) -> bool {
-        let is_empty = |kind: PrimitiveKind| self.numbers[kind as usize].is_empty();
-        is_empty(PrimitiveKind::Polygon) && is_empty(PrimitiveKind::Cone)
-    }
-
     #[inline(always)]
     pub(crate) fn sphere_block(&self, run: &Run) -> &SphereBlock<W> {
         &self.sphere_blocks[run.block as usize]
@@ -456,7 +461,23 @@ impl<const W: usize> Shapes<W> {
         }
     }
 
-    /// The exact hit of a sphere or triangle by a ray that is not prepared.
+    /// The block of a run of polygons, if they have one, and of cones.
+    #[inline(always)]
+    pub(crate) fn fan_block(&self, run: &Run) -> Option<&FanBlock<W>> {
+        self.fan_blocks.get(run.block as usize)
+    }
+
+    #[inline(always)]
+    pub(crate) fn axis_block(&self, run: &Run) -> &AxisBlock<W> {
+        &self.axis_blocks[run.block as usize]
+    }
+
+    #[inline(always)]
+    pub(crate) fn box_block(&self, run: &Run) -> &BoxBlock<W> {
+        &self.box_blocks[run.boxes as usize]
+    }
+
+    /// The exact hit by a ray that is not prepared.
     pub(crate) fn exact_alone(
         &self,
         ray: &Ray,
@@ -468,9 +489,13 @@ impl<const W: usize> Shapes<W> {
         let side = departure.filter(|d| d.kind == run.kind && d.index == index).map(|d| d.side);
         let t = match run.kind {
             PrimitiveKind::Sphere => self.spheres[index as usize].intersect(ray, span, run.sides, side),
-            _ => {
+            PrimitiveKind::Triangle => {
                 let probe = Probe::new(Scalar, ray, span, true);
                 self.triangles[index as usize].intersect(&probe, run.sides, side)
+            }
+            PrimitiveKind::Polygon | PrimitiveKind::Cone => {
+                let probe = Probe::new(Scalar, ray, span, run.kind == PrimitiveKind::Polygon);
+                self.columns.nearest(&probe, &run.column(index - run.first), departure).map(|hit| hit.t)
             }
         };
         t.map(|t| Hit { t, primitive: self.numbers[run.kind as usize][index as usize] })
@@ -716,6 +741,7 @@ impl<const W: usize> Shapes<W> {
             + size_of_val(&self.triangle_blocks[..])
             + size_of_val(&self.fan_blocks[..])
             + size_of_val(&self.axis_blocks[..])
+            + size_of_val(&self.box_blocks[..])
             + size_of_val(&self.spheres[..])
             + size_of_val(&self.triangles[..])
             + size_of_val(&self.places[..])

@@ -13,14 +13,14 @@ const PLACE_BITS: u32 = 4;
 /// No record.
 const NONE: u32 = u32::MAX;
 /// How much more a shear adds to errors whose axis has a fifth of the direction at least, and not half at least.
-const SHEAR_SCALE: f32 = 5.0;
+pub(crate) const SHEAR_SCALE: f32 = 5.0;
 
 /// What the rays of a packet ask for, and the answers so far.
 pub(crate) trait Question<S: Simd, const W: usize>: Copy {
     /// Nothing is known yet.
     fn new(simd: S) -> Self;
 
-    /// Takes in where a record may be hit; whether any ray of the packet now ends earlier.
+    /// Takes in where a record may be hit; whether any ray of the packet now ends earlier, and the number of exact tests.
     fn take(
         &mut self,
         simd: S,
@@ -28,7 +28,7 @@ pub(crate) trait Question<S: Simd, const W: usize>: Copy {
         packet: &mut Packet<S, W>,
         record: u32,
         at: &Intervals<S>,
-    ) -> bool;
+    ) -> (bool, u32);
 }
 
 /// What the exact tests are made with.
@@ -40,10 +40,15 @@ pub(crate) struct Exact<'a, const W: usize> {
 }
 
 impl<const W: usize> Exact<'_, W> {
+    #[inline(always)]
+    fn run_of(&self, record: u32) -> &Run {
+        &self.shapes.runs()[(record >> PLACE_BITS) as usize]
+    }
+
     /// The exact hit of a ray of the columns, if there is one, of a record.
     #[inline(never)]
     fn hit(&self, ray: usize, record: u32) -> Option<Hit> {
-        let run = &self.shapes.runs()[(record >> PLACE_BITS) as usize];
+        let run = self.run_of(record);
         let index = run.first + (record & ((1 << PLACE_BITS) - 1));
         let departure = self.shapes.departure(self.rays.left(ray));
         let (ray, span) = self.rays.ray(ray);
@@ -74,9 +79,10 @@ impl<S: Simd, const W: usize> Question<S, W> for Nearest<S> {
         packet: &mut Packet<S, W>,
         record: u32,
         at: &Intervals<S>,
-    ) -> bool {
+    ) -> (bool, u32) {
         let taken = at.possible & at.sure & at.high.lt(self.lows);
         let mut unsure = (at.possible & !taken).bits();
+        let tests = unsure.count_ones();
         self.lows = at.low.select(taken, self.lows);
         packet.ends = at.high.select(taken, packet.ends);
         self.records = simd.splat_f32(f32::from_bits(record)).select(taken, self.records);
@@ -85,7 +91,7 @@ impl<S: Simd, const W: usize> Question<S, W> for Nearest<S> {
             unsure &= unsure - 1;
             self.compare(simd, exact, packet, lane, record);
         }
-        true
+        (true, tests)
     }
 }
 
@@ -131,15 +137,15 @@ impl<S: Simd> Nearest<S> {
             *record = lane.to_bits();
         }
         let mut first = 0;
-        if exact.shapes.is_only(PrimitiveKind::Sphere) {
+        if !exact.shapes.is_only(PrimitiveKind::Triangle) {
             while first < packet.len && packet.first + first + S::F64::LANES <= exact.rays.spans.0.len() {
                 exact.spheres(simd, packet, &records[first..], first, found);
                 first += S::F64::LANES;
             }
         }
-        for lane in first..packet.len {
-            if records[lane] != NONE {
-                found[lane] = exact.hit(packet.first + lane, records[lane]);
+        for (lane, &record) in records.iter().enumerate().take(packet.len) {
+            if record != NONE && (lane >= first || exact.run_of(record).kind != PrimitiveKind::Sphere) {
+                found[lane] = exact.hit(packet.first + lane, record);
                 debug_assert!(found[lane].is_some(), "a sure hit is one");
             }
         }
@@ -147,7 +153,7 @@ impl<S: Simd> Nearest<S> {
 }
 
 impl<const W: usize> Exact<'_, W> {
-    /// The exact hits of the rays of a packet from a lane on, as many as there are lanes, of spheres.
+    /// Of the rays of a packet from a lane on, as many as there are lanes, the exact hits of spheres.
     #[inline(always)]
     fn spheres<S: Simd>(
         &self,
@@ -165,7 +171,10 @@ impl<const W: usize> Exact<'_, W> {
             if record == NONE {
                 continue;
             }
-            let run = &self.shapes.runs()[(record >> PLACE_BITS) as usize];
+            let run = self.run_of(record);
+            if run.kind != PrimitiveKind::Sphere {
+                continue;
+            }
             let place = record & ((1 << PLACE_BITS) - 1);
             let sphere = self.shapes.sphere(run.first + place);
             primitives[i] = self.shapes.number(run, place);
@@ -190,10 +199,8 @@ impl<const W: usize> Exact<'_, W> {
         }
         let [x, y, z, radius] = &spheres;
         let center = [simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)];
-        let span = [
-            simd.load_f64(&self.rays.spans.0[at..]).max(zero),
-            simd.load_f64(&self.rays.spans.1[at..]),
-        ];
+        let span =
+            [simd.load_f64(&self.rays.spans.0[at..]).max(zero), simd.load_f64(&self.rays.spans.1[at..])];
         let (is_hit, t) = Sphere::intersect_pairs(
             simd,
             &RayLanes { origin, direction },
@@ -230,9 +237,10 @@ impl<S: Simd, const W: usize> Question<S, W> for Hidden {
         packet: &mut Packet<S, W>,
         record: u32,
         at: &Intervals<S>,
-    ) -> bool {
+    ) -> (bool, u32) {
         let mut more = (at.possible & at.sure).bits();
         let mut unsure = at.possible.bits() & !more;
+        let tests = unsure.count_ones();
         while unsure != 0 {
             let lane = unsure.trailing_zeros();
             unsure &= unsure - 1;
@@ -242,7 +250,7 @@ impl<S: Simd, const W: usize> Question<S, W> for Hidden {
         }
         self.0 |= more;
         packet.close(simd, more);
-        more != 0
+        (more != 0, tests)
     }
 }
 
@@ -266,6 +274,8 @@ pub(crate) struct Progress<const W: usize> {
     pub(crate) packet_tests: u64,
     /// How many rays those were.
     pub(crate) ray_tests: u64,
+    /// Tests in double precision of a ray and a primitive that single precision was not sure of.
+    pub(crate) exact_tests: u64,
 }
 
 impl<const W: usize> Progress<W> {
@@ -275,7 +285,8 @@ impl<const W: usize> Progress<W> {
         for (reach, packet) in reaches.iter_mut().zip(packets) {
             *reach = shaft.reach(simd, packet);
         }
-        let mut progress = Self { reaches, reach: 0.0, shaft_tests: 0, packet_tests: 0, ray_tests: 0 };
+        let mut progress =
+            Self { reaches, reach: 0.0, shaft_tests: 0, packet_tests: 0, ray_tests: 0, exact_tests: 0 };
         progress.sum_up();
         progress
     }
@@ -292,7 +303,7 @@ impl<const W: usize> Progress<W> {
 impl<const W: usize> Shapes<W> {
     /// Whether packets can test everything there is.
     pub(crate) fn suits_packets(&self) -> bool {
-        self.has_blocks_only() && self.runs().len() < 1 << (31 - PLACE_BITS)
+        self.runs().len() < 1 << (31 - PLACE_BITS)
     }
 
     /// Where the rays of a packet hit the primitive at a place of a run.
@@ -333,6 +344,8 @@ impl<const W: usize> Shapes<W> {
                 front,
                 back,
             )
+        } else if run.kind != PrimitiveKind::Triangle {
+            self.doubtful(simd, run, place, shaft, packet)
         } else {
             let [a, b, c] = self.triangle_block(run).one(simd, place as usize, shaft.axes);
             let vertices = [shaft.shear(packet, a), shaft.shear(packet, b), shaft.shear(packet, c)];
@@ -346,6 +359,29 @@ impl<const W: usize> Shapes<W> {
                 back,
             )
         }
+    }
+
+    /// The rays that may hit a polygon or a cone: none of them surely.
+    #[inline(always)]
+    fn doubtful<S: Simd>(
+        &self,
+        simd: S,
+        run: &Run,
+        place: u32,
+        shaft: &Shaft<S>,
+        packet: &Packet<S, W>,
+    ) -> Intervals<S> {
+        let (none, far) = (simd.mask_f32(0), simd.splat_f32(f32::INFINITY));
+        let (met, low) = if run.kind == PrimitiveKind::Cone {
+            let rays = (packet.origin, packet.direction);
+            let met = self.axis_block(run).rays_that_meet(simd, place as usize, rays, shaft.unit);
+            (met, packet.start)
+        } else if let Some(fans) = self.fan_block(run) {
+            fans.rays_that_meet(simd, place, shaft, packet)
+        } else {
+            (simd.mask_f32(u32::MAX), packet.start)
+        };
+        Intervals { possible: met & low.le(packet.ends), sure: none, low, high: far }
     }
 
     /// Tests a leaf against the packets of a shaft.
@@ -380,9 +416,13 @@ impl<const W: usize> Shapes<W> {
                     progress.packet_tests += 1;
                     progress.ray_tests += packet.len as u64;
                     let at = self.all_intervals(simd, run, place, shaft, packet);
-                    if at.possible.any() && asked.take(simd, exact, packet, record_of(i, place), &at) {
-                        progress.reaches[p] = shaft.reach(simd, packet);
-                        is_new = true;
+                    if at.possible.any() {
+                        let (is_nearer, tests) = asked.take(simd, exact, packet, record_of(i, place), &at);
+                        progress.exact_tests += u64::from(tests);
+                        if is_nearer {
+                            progress.reaches[p] = shaft.reach(simd, packet);
+                            is_new = true;
+                        }
                     }
                 }
             }
@@ -399,20 +439,22 @@ impl<const W: usize> Shapes<W> {
     /// The places of a run whose primitives the shaft meets.
     #[inline(always)]
     fn candidates<S: Simd>(&self, simd: S, run: &Run, shaft: &Shaft<S>, reach: f32) -> u32 {
-        if run.kind == PrimitiveKind::Sphere {
-            shaft.candidates(simd, self.sphere_block(run), reach)
-        } else {
-            shaft.candidates(simd, self.triangle_block(run), reach)
+        match run.kind {
+            PrimitiveKind::Sphere => shaft.candidates(simd, self.sphere_block(run), reach),
+            PrimitiveKind::Triangle => shaft.candidates(simd, self.triangle_block(run), reach),
+            PrimitiveKind::Polygon | PrimitiveKind::Cone => {
+                shaft.candidates(simd, self.box_block(run), reach)
+            }
         }
     }
 
     /// The box of the primitive at a place of a run.
     #[inline(always)]
     fn bounds(&self, run: &Run, place: usize) -> [[f32; 3]; 2] {
-        if run.kind == PrimitiveKind::Sphere {
-            self.sphere_block(run).bounds(place)
-        } else {
-            self.triangle_block(run).bounds(place)
+        match run.kind {
+            PrimitiveKind::Sphere => self.sphere_block(run).bounds(place),
+            PrimitiveKind::Triangle => self.triangle_block(run).bounds(place),
+            PrimitiveKind::Polygon | PrimitiveKind::Cone => self.box_block(run).bounds(place),
         }
     }
 }

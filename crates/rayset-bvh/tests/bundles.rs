@@ -3,7 +3,9 @@
 use proptest::prelude::*;
 use rayset_bvh::{Bundled, Hierarchy, Hit, RayColumns};
 use rayset_geometry::glam::{DVec3, dvec3};
-use rayset_geometry::{Primitive, PrimitiveColumns, Ray, Side, Sides, Span, Sphere, Triangle, unit};
+use rayset_geometry::{
+    Cone, Polygon, Primitive, PrimitiveColumns, Ray, Side, Sides, Span, Sphere, Triangle, unit,
+};
 use rayset_simd::{Backend, Kernel, Simd};
 
 /// Rays as columns, and what each leaves.
@@ -126,6 +128,21 @@ fn primitive() -> impl Strategy<Value = Primitive> {
             a + size * (c - a)
         )
         .into()),
+        (any_point(), point(), point(), 3..12_usize, any::<bool>()).prop_filter_map(
+            "no polygon",
+            |(center, x, y, n, star)| {
+                let corner = |i: usize| {
+                    let angle = std::f64::consts::TAU * i as f64 / n as f64;
+                    let reach = if star && i % 2 == 0 { 0.1 } else { 0.4 };
+                    center + reach * (angle.cos() * x + angle.sin() * y)
+                };
+                Polygon::new((0..n).map(corner).collect()).map(Primitive::from)
+            }
+        ),
+        (any_point(), any_point(), 0.01..0.3, prop::sample::select(vec![0.0, 0.5, 1.0])).prop_filter_map(
+            "no cone",
+            |(base, apex, radius, ratio)| Cone::new(base, radius, apex, ratio * radius).map(Primitive::from)
+        ),
     ]
 }
 
@@ -158,7 +175,20 @@ proptest! {
                         let [a, b, c] = t.vertices().map(place);
                         Triangle::new(a, b, c).into()
                     }
-                    other => other,
+                    Primitive::Polygon(p) => {
+                        let corners: Vec<DVec3> = p.vertices().iter().copied().map(place).collect();
+                        // Moved far off, or made tiny, it may have no plane any more.
+                        Polygon::new(corners).map_or_else(|| Sphere::new(place(DVec3::ZERO), 0.0).into(), Primitive::from)
+                    }
+                    Primitive::Cone(c) => {
+                        let moved = Cone::new(
+                            place(c.base()),
+                            scale * c.base_radius(),
+                            place(c.apex()),
+                            scale * c.apex_radius(),
+                        );
+                        moved.map_or_else(|| Sphere::new(place(DVec3::ZERO), 0.0).into(), Primitive::from)
+                    }
                 };
                 (moved, sides)
             })

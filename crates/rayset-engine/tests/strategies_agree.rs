@@ -113,7 +113,8 @@ fn neither_pixels_nor_ray_counts_depend_on_the_order_of_pixels() {
                 continue;
             }
             for (order, sweep) in orders.into_iter().flat_map(|order| sweeps.map(|sweep| (order, sweep))) {
-                let actual = frame(strategy.as_ref(), &RenderOptions { order: Some(order), sweep, ..OPTIONS });
+                let actual =
+                    frame(strategy.as_ref(), &RenderOptions { order: Some(order), sweep, ..OPTIONS });
                 let what = format!("{kind}, {name}, {order:?}, {sweep:?}");
                 assert_same_pixels(&expected, &actual, &what);
                 assert_eq!(expected.counts, actual.counts, "{what}");
@@ -216,7 +217,8 @@ fn eye_rays_are_as_many_as_they_should_be_and_no_order_changes_a_mean() {
             let expected = frame(&standard, &options);
             assert_eq!(expected.counts.initial.cast, count, "{name}");
             for order in [PixelOrder::Serpentine, PixelOrder::Tiles(4)] {
-                let actual = frame(&standard, &RenderOptions { order: Some(order), bundle_len: Some(7), ..options });
+                let actual =
+                    frame(&standard, &RenderOptions { order: Some(order), bundle_len: Some(7), ..options });
                 assert_same_pixels(&expected, &actual, format!("{name}, {eye_rays:?}, {order:?}"));
                 for (one, other) in expected.layers.iter().zip(&actual.layers) {
                     assert!(

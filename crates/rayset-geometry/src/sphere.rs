@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayset_simd::{Lanes, Scalar, Simd};
 
 use crate::departure::Allowed;
-use crate::{BoundingSphere, Probe, RayLanes, Ray, Side, Sides, Span};
+use crate::{BoundingSphere, Probe, Ray, RayLanes, Side, Sides, Span};
 
 /// A sphere, in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]

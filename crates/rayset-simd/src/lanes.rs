@@ -127,7 +127,6 @@ pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// Runs a part of a kernel in a function of its own, compiled for this backend.
     fn outline<P: Part<Self>>(self, part: P) -> P::Output;
 
-
     /// Lanes of double precision: what decides.
     type F64: Lanes<Scalar = f64>;
     /// Lanes of single precision: what may cull.

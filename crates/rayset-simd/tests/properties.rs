@@ -105,7 +105,8 @@ impl Kernel for CullingOnly<'_> {
             assert_eq!(front[k].to_bits(), self.a[lane].to_bits());
             assert_eq!(ids[k], values[lane]);
         }
-        let wide: [f64; MAX_LANES] = std::array::from_fn(|i| f64::from(self.a[i]) + f64::from(self.b[i]) / 3.0);
+        let wide: [f64; MAX_LANES] =
+            std::array::from_fn(|i| f64::from(self.a[i]) + f64::from(self.b[i]) / 3.0);
         let narrowed = simd.narrow_f32(&wide, 0.1, 0.25);
         let found = simd.equal_u32(&values, values[n - 1]);
         for i in 0..n {

@@ -10,8 +10,8 @@ use rayset_simd::Backend;
 use super::bundle::{Bundle, BundleTracer};
 use super::hierarchical::HierarchicalTracer;
 use crate::{
-    Answers, ByKind, Generation, Hit, IntersectionStrategy, PixelOrder, RayKind, RayQuery, Recording, ShadowGeneration,
-    ShadowQuery, StageCounts, Stats, Tracer,
+    Answers, ByKind, Generation, Hit, IntersectionStrategy, PixelOrder, RayKind, RayQuery, Recording,
+    ShadowGeneration, ShadowQuery, StageCounts, Stats, Tracer,
 };
 
 /// Traces rays in bundles where that pays, and one by one elsewhere.

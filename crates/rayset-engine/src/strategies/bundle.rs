@@ -14,8 +14,8 @@ use rayset_simd::{Backend, Kernel, Lanes, Simd};
 
 use super::hierarchical::{hierarchy_of, hit_of, objects_of};
 use crate::{
-    Answers, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, QueryWork, RayKind, RayQuery, Recording,
-    ShadowGeneration, ShadowQuery, Slot, StageCounts, Stats, Tracer, Work,
+    Answers, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, QueryWork, RayKind, RayQuery,
+    Recording, ShadowGeneration, ShadowQuery, Slot, StageCounts, Stats, Tracer, Work,
 };
 
 /// Traces rays in packets through a hierarchy of all primitives.

@@ -7,7 +7,8 @@ use rayset_scene::Scene;
 use rayset_simd::Backend;
 
 use crate::{
-    Auto, Bundle, Cellular, Coherent, Hierarchical, IntersectionStrategy, Speer1985, Speer1985Options, Standard,
+    Auto, Bundle, Cellular, Coherent, Hierarchical, IntersectionStrategy, Speer1985, Speer1985Options,
+    Standard,
 };
 
 /// A strategy, not yet bound to a scene.
