@@ -131,10 +131,14 @@ impl PrimitiveColumns {
     ///
     /// If there is no such primitive.
     #[must_use]
+    #[inline]
     pub fn normal_at(&self, kind: PrimitiveKind, index: u32, point: DVec3) -> DVec3 {
         let i = index as usize;
         match kind {
-            PrimitiveKind::Sphere => self.sphere(index).normal_at(point),
+            PrimitiveKind::Sphere => {
+                let [x, y, z, _] = &self.spheres;
+                Sphere::outward(DVec3::new(x[i], y[i], z[i]), point)
+            }
             PrimitiveKind::Triangle => self.triangle(index).normal(),
             PrimitiveKind::Polygon => self.polygon_normals[i],
             PrimitiveKind::Cone => {
