@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use crate::{Outcome, project};
 
 /// By how many percent a count may grow. A repeated count differs by a few instructions in millions.
-const TOLERANCE: f64 = 3.0;
+const TOLERANCE: u64 = 3;
 
 /// The scenes: few volumes, a mesh, and so many primitives that a strategy's structure decides.
 const SCENES: [&str; 3] = ["spheres-8", "cornell-spheres", "balls"];
@@ -192,9 +192,9 @@ fn compare(expected: &Counts, actual: &Counts) -> Verdict {
         };
         let percent = 100.0 * (now as f64 / before as f64 - 1.0);
         let line = format!("{name:32} {now:>12} instructions, {percent:+.2} %");
-        if percent > TOLERANCE {
+        if 100 * now > (100 + TOLERANCE) * before {
             verdict.fail(is_same_rustc, &format!("{line}: more than {before}"));
-        } else if percent < -TOLERANCE {
+        } else if 100 * now < (100 - TOLERANCE) * before {
             verdict.say(&format!("{line}: an improvement; bless it"));
         } else {
             verdict.say(&line);

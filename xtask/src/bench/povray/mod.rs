@@ -254,7 +254,7 @@ fn table(compared: &[Compared], version: &str, resolution: u32) -> String {
         let rays = initial + reflected + refracted;
         push(format!("| | rayset | {rays} | {reflected} | {refracted} | {shadow} rays |"));
     }
-    text.push_str("\nPOV-Ray counts as rays those too that it cuts off before they are traced, and instead of shadow rays the objects they are tested against.\n");
+    text.push_str("\nPOV-Ray counts as rays those too that it cuts off before they are traced.\n");
     text
 }
 

@@ -13,7 +13,7 @@ pub(super) struct Printed {
     pub(super) reflected: u64,
     /// Rays refracted, or let through unbent.
     pub(super) refracted: u64,
-    /// Tests of objects by rays towards lights.
+    /// Rays towards lights, with those that go on behind a transmissive surface: "shadow ray tests".
     pub(super) shadow_tests: u64,
 }
 
