@@ -299,6 +299,24 @@ impl RaySets {
     }
 }
 
+/// A hit of a slot, with what its node does not know of the rays that leave it.
+#[derive(Clone, Copy, Debug)]
+struct Leaving {
+    ray_set: RaySetIndex,
+    node: u32,
+    /// Where rays that leave begin to see other surfaces.
+    start: f64,
+}
+
+/// A ray that leaves a hit.
+struct Spawned {
+    slot: Slot,
+    direction: DVec3,
+    /// The greatest share of the intensity of what it meets that the surface passes on.
+    share: f64,
+    side: Side,
+}
+
 /// Adds a ray to the next generation, if it is not cut off.
 #[inline]
 fn spawn(
@@ -325,24 +343,6 @@ fn spawn(
     let child = index(trees.nodes.len());
     trees.nodes.push(node(ray_set, slot, direction, weight));
     Branch::Node(child)
-}
-
-/// A hit of a slot, with what its node does not know of the rays that leave it.
-#[derive(Clone, Copy, Debug)]
-struct Leaving {
-    ray_set: RaySetIndex,
-    node: u32,
-    /// Where rays that leave begin to see other surfaces.
-    start: f64,
-}
-
-/// A ray that leaves a hit.
-struct Spawned {
-    slot: Slot,
-    direction: DVec3,
-    /// The greatest share of the intensity of what it meets that the surface passes on.
-    share: f64,
-    side: Side,
 }
 
 #[inline]

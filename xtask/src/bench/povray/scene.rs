@@ -18,7 +18,7 @@ pub(super) struct Limits {
 /// The scene as a `.pov` file for a picture as high as it is wide.
 ///
 /// Colours are linear, lights do not fall off, the highlight is Phong's, and surfaces are hit from both sides: POV-Ray
-/// knows no other. Triangles of one material that follow one another become a mesh, which is its fastest form for them.
+/// knows no other. Triangles of one material that follow one another become a mesh, which is its form for many.
 /// One thing it has no word for: light that falls through a transmissive surface, which is a shadow in Whitted's rule,
 /// is only dimmed by it.
 ///
