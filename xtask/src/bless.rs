@@ -8,7 +8,7 @@ use rayset_engine::{RenderOptions, StrategyKind, render};
 use rayset_image::{to_srgb8, write_exr, write_png_rgb8};
 use rayset_study::{Table1Plan, sphere_scene, write_file};
 
-use crate::{Outcome, golden, project, repro_table1};
+use crate::{Outcome, golden, instructions, project, repro_table1};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -25,6 +25,8 @@ pub(crate) struct Options {
 enum What {
     /// fixtures/golden/*.exr.
     Goldens,
+    /// fixtures/golden/instructions.json; needs valgrind.
+    Instructions,
     /// The text snapshots of the tests.
     Snapshots,
     /// docs/picture.png, which the README shows.
@@ -43,6 +45,9 @@ pub(crate) fn run(options: &Options) -> Outcome {
             write_exr(&path, &golden::image(&scene, &frame)?)?;
             println!("wrote {}", path.display());
         }
+    }
+    if wanted(What::Instructions) {
+        instructions::bless()?;
     }
     if wanted(What::Snapshots) {
         let mut tests = project::cargo(&["test", "--workspace", "--test", "snapshots", "--test", "summary"]);

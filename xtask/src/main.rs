@@ -6,6 +6,7 @@ mod bless;
 mod fuzz;
 mod golden;
 mod identical;
+mod instructions;
 mod project;
 mod prove;
 mod regress;
@@ -39,7 +40,8 @@ enum Task {
     ReproTable1(repro_table1::Options),
     /// Runs all checks: format, lints, tests with and without default features, documentation, layers, regressions.
     Test(test::Options),
-    /// Renders the golden scenes with every exact strategy and compares them with fixtures/golden, bit by bit.
+    /// Renders the golden scenes with every exact strategy and compares them with fixtures/golden, bit by bit; counts
+    /// the instructions it takes, where valgrind is installed.
     Regress,
     /// Accepts what is rendered now: writes goldens, snapshots, docs/table1.md, and the README's picture and table.
     Bless(bless::Options),
@@ -58,6 +60,9 @@ enum Task {
     Bench(bench::Options),
     /// Fuzzes the readers of OBJ, MTL, NFF and scene files.
     Fuzz(fuzz::Options),
+    /// Renders a scene for valgrind to watch: `regress` starts it.
+    #[command(hide = true)]
+    CountInstructions(instructions::Options),
     /// Checks the layers: which crate may depend on which, and where `unsafe` may stand.
     Tidy,
 }
@@ -93,6 +98,7 @@ fn run(task: &Task) -> Outcome {
         Task::Report(options) => report::run(options),
         Task::Bench(options) => bench::run(options),
         Task::Fuzz(options) => fuzz::run(options),
+        Task::CountInstructions(options) => instructions::render_one(options),
         Task::Tidy => tidy::run(),
     }
 }

@@ -27,3 +27,11 @@ pub(crate) fn run(command: &mut Command) -> Outcome {
     let status = command.status().map_err(|error| format!("cannot run {command:?}: {error}"))?;
     if status.success() { Ok(()) } else { Err(format!("{command:?} failed with {status}").into()) }
 }
+
+/// Builds the command `rayset` and returns where it is.
+pub(crate) fn rayset() -> Result<PathBuf, Box<dyn std::error::Error>> {
+    let target = root().join("target");
+    let mut build = cargo(&["build", "--release", "--quiet", "--package", "rayset-cli"]);
+    run(build.env("CARGO_TARGET_DIR", &target))?;
+    Ok(target.join("release").join(format!("rayset{}", std::env::consts::EXE_SUFFIX)))
+}

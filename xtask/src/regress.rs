@@ -3,9 +3,10 @@
 use rayset_engine::StrategyKind;
 use rayset_image::{compare, difference_image, read_exr, write_exr};
 
-use crate::{Outcome, golden, project};
+use crate::{Outcome, golden, instructions, project};
 
-/// Renders the golden scenes with every exact strategy and compares them with the goldens, bit by bit.
+/// Renders the golden scenes with every exact strategy and compares them with the goldens, bit by bit; then counts
+/// instructions.
 ///
 /// Actual and difference images of failures are left in `target/regress`.
 pub(crate) fn run() -> Outcome {
@@ -43,7 +44,7 @@ pub(crate) fn run() -> Outcome {
         }
     }
     match failures {
-        0 => Ok(()),
+        0 => instructions::check(),
         _ => Err(format!(
             "{failures} golden images differ; see {}; `cargo xtask bless` accepts them",
             folder.display()

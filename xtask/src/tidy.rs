@@ -35,7 +35,7 @@ const LAYERS: &[(&str, &[&str], &[&str])] = &[
     (
         "xtask",
         &["rayset", "rayset-engine", "rayset-image", "rayset-scene", "rayset-study"],
-        &["clap", "ctrlc", "indicatif", "libm", "rayon", "serde_json", "sha2"],
+        &["clap", "ctrlc", "indicatif", "libm", "rayon", "serde_json", "sha2", "tempfile"],
     ),
 ];
 

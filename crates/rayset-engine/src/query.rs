@@ -230,7 +230,18 @@ impl Generation {
         }
     }
 
+    /// Makes room for as many more rays.
+    pub(crate) fn reserve(&mut self, additional: usize) {
+        self.ray_sets.reserve(additional);
+        self.slots.reserve(additional);
+        self.originating.reserve(additional);
+        self.origins.iter_mut().chain(&mut self.directions).for_each(|column| column.reserve(additional));
+        self.starts.reserve(additional);
+        self.ends.reserve(additional);
+    }
+
     /// Appends a ray.
+    #[inline(always)]
     pub fn push(&mut self, query: &RayQuery) {
         self.ray_sets.push(query.ray_set);
         self.slots.push(query.slot);
@@ -340,7 +351,14 @@ impl ShadowGeneration {
         ShadowQuery { ray_set, slot, light: self.lights[i], originating, ray, span }
     }
 
+    /// Makes room for as many more rays.
+    pub(crate) fn reserve(&mut self, additional: usize) {
+        self.rays.reserve(additional);
+        self.lights.reserve(additional);
+    }
+
     /// Appends a ray.
+    #[inline(always)]
     pub fn push(&mut self, query: &ShadowQuery) {
         let ShadowQuery { ray_set, slot, light, originating, ray, span } = *query;
         self.rays.push(&RayQuery { ray_set, slot, originating: Some(originating), ray, span });

@@ -7,6 +7,7 @@ use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Side, Span, unit};
 use rayset_scene::{LightId, Material, Scene};
 
+use crate::query::Columns;
 use crate::{
     Answers, Branch, ByKind, Generation, Hit, IntersectionTrees, LightState, MAX_DEPTH, Node, Originating,
     RayCounts, RayKind, RayQuery, RaySetIndex, Recording, ShadowGeneration, ShadowQuery, Slot, Surface,
@@ -40,8 +41,10 @@ pub struct RaySets {
     generation: Generation,
     next: Generation,
     shadow: ShadowGeneration,
-    /// What the rays of a slot refract: their place in the generation, their node, and the direction.
-    refracted: Vec<(usize, usize, DVec3)>,
+    /// The hits of the rays of one slot.
+    leaving: Vec<Leaving>,
+    /// What the hits of a slot refract: their place among them, and the direction.
+    refracted: Vec<(usize, DVec3)>,
     /// Where in the table of light states each shadow ray's answer goes.
     shadow_places: Vec<usize>,
     hits: Answers<Option<Hit>>,
@@ -164,12 +167,13 @@ impl RaySets {
         tracer.occluded_bundle(&self.shadow, &mut self.occluded);
         self.strategy_time += start.elapsed();
         assert_eq!(self.occluded.values.len(), self.shadow.len(), "one answer a query");
+        let mut n_hidden = 0;
         for (place, &occluded) in self.shadow_places.iter().zip(&self.occluded.values) {
-            self.counts.shadow.cast += 1;
-            self.counts.shadow.hit += u64::from(occluded);
-            let state = if occluded { LightState::Hidden } else { LightState::Visible };
-            self.trees.lights[*place] = state;
+            n_hidden += u64::from(occluded);
+            self.trees.lights[*place] = if occluded { LightState::Hidden } else { LightState::Visible };
         }
+        self.counts.shadow.cast += self.shadow.len() as u64;
+        self.counts.shadow.hit += n_hidden;
         self.tally(first, true);
     }
 
@@ -197,150 +201,167 @@ impl RaySets {
     /// then the refracted, so that rays that correspond stand together.
     fn grow_slot(&mut self, scene: &Scene, rays: Range<usize>, base: usize, options: &TreeOptions) {
         let slot = self.generation.slots()[rays.start];
-        let mut n_hits = 0;
-        for i in rays.clone() {
-            if let Some(hit) = self.hits.values[i] {
-                n_hits += 1;
-                let surface = surface_at(scene, &self.generation.query(i).ray, &hit);
-                self.trees.nodes[base + i].hit = Some((hit, surface));
-            }
-        }
-        let tally = &mut self.counts[slot.kind()];
-        tally.cast += rays.len() as u64;
-        tally.hit += n_hits;
-        if n_hits == 0 {
+        self.counts[slot.kind()].cast += rays.len() as u64;
+        self.take_hits(scene, rays, base);
+        self.counts[slot.kind()].hit += self.leaving.len() as u64;
+        if self.leaving.is_empty() {
             return;
         }
         for light in (0..self.trees.n_lights).map(|i| LightId(index(i))) {
-            self.push_shadow_rays(scene, rays.clone(), base, light);
+            self.push_shadow_rays(scene, slot, light);
         }
         if slot.depth() < options.max_depth {
-            self.push_reflected(scene, rays, base, options);
+            self.push_reflected(scene, slot.reflected(), options);
             self.push_refracted(scene, slot.refracted(), options);
         }
     }
 
-    /// The rays of a slot that ask for a light.
-    fn push_shadow_rays(&mut self, scene: &Scene, rays: Range<usize>, base: usize, light: LightId) {
-        for i in rays {
-            let Some((hit, surface)) = &self.trees.nodes[base + i].hit else { continue };
-            let Some(illumination) = scene.lights()[light.index()].seen_from(surface.point) else { continue };
+    /// The surfaces that the rays of a slot hit: into their nodes, and in a list.
+    fn take_hits(&mut self, scene: &Scene, rays: Range<usize>, base: usize) {
+        self.leaving.clear();
+        let columns = Columns::of(&self.generation);
+        let ray_sets = &self.generation.ray_sets()[rays.clone()];
+        let nodes = &mut self.trees.nodes[base + rays.start..base + rays.end];
+        let hits = &self.hits.values[rays.clone()];
+        for (((i, hit), node), &ray_set) in rays.zip(hits).zip(nodes).zip(ray_sets) {
+            let Some(hit) = *hit else { continue };
+            let ray = columns.ray(i);
+            let surface = surface_at(scene, &ray, &hit);
+            node.hit = Some((hit, surface));
+            self.leaving.push(Leaving { ray_set, node: index(base + i), start: departure(scene, &ray) });
+        }
+    }
+
+    /// The rays that ask for a light, from the hits of a slot.
+    fn push_shadow_rays(&mut self, scene: &Scene, slot: Slot, light: LightId) {
+        let Self { leaving, shadow, shadow_places, trees, .. } = self;
+        let (source, n_lights) = (&scene.lights()[light.index()], trees.n_lights);
+        shadow.reserve(leaving.len());
+        shadow_places.reserve(leaving.len());
+        for Leaving { ray_set, node, start } in &*leaving {
+            let Some((hit, surface)) = &trees.nodes[*node as usize].hit else { continue };
+            let Some(illumination) = source.seen_from(surface.point) else { continue };
             let direction = illumination.direction;
             // Light reaches a surface from the side of both normals, or not at all.
             if !(surface.normal.dot(direction) > 0.0 && surface.shading_normal.dot(direction) > 0.0) {
                 continue;
             }
-            let query = self.generation.query(i);
-            let start = departure(scene, &query.ray);
-            self.shadow.push(&ShadowQuery {
-                ray_set: query.ray_set,
-                slot: query.slot,
+            shadow.push(&ShadowQuery {
+                ray_set: *ray_set,
+                slot,
                 light,
                 originating: Originating { object: hit.object, primitive: hit.primitive, side: surface.side },
                 ray: Ray::new(surface.point, direction),
-                span: Span { start, end: illumination.distance - start },
+                span: Span { start: *start, end: illumination.distance - start },
             });
-            self.shadow_places.push((base + i) * self.trees.n_lights + light.index());
+            shadow_places.push(*node as usize * n_lights + light.index());
         }
     }
 
-    /// The rays that those of a slot reflect; leaves those that they refract in `self.refracted`.
-    fn push_reflected(&mut self, scene: &Scene, rays: Range<usize>, base: usize, options: &TreeOptions) {
-        self.refracted.clear();
-        for i in rays {
-            let Some((hit, surface)) = self.trees.nodes[base + i].hit else { continue };
+    /// The rays that the hits of a slot reflect; leaves what they refract in `self.refracted`.
+    fn push_reflected(&mut self, scene: &Scene, slot: Slot, options: &TreeOptions) {
+        let Self { leaving, refracted, next, trees, .. } = self;
+        refracted.clear();
+        for (i, leaving) in leaving.iter().enumerate() {
+            let parent = &mut trees.nodes[leaving.node as usize];
+            let Some((_, surface)) = &parent.hit else { continue };
             let material = &scene.materials()[surface.material.index()];
             if !material.is_reflective() {
                 continue;
             }
-            let query = self.generation.query(i);
-            let incoming = query.ray.direction();
             let mut share = material.reflectance;
             if material.is_transmissive() {
-                if let Some(direction) = refract(incoming, &surface, material) {
-                    self.refracted.push((i, base + i, direction));
+                if let Some(direction) = refract(parent.direction, surface, material) {
+                    refracted.push((i, direction));
                 } else {
-                    self.trees.nodes[base + i].refracted = Branch::TotalReflection;
+                    parent.refracted = Branch::TotalReflection;
                     share += material.transmittance;
                 }
             }
-            let spawned = Spawned {
-                slot: query.slot.reflected(),
-                direction: reflect(incoming, &surface),
-                share,
-                side: surface.side,
-            };
-            self.trees.nodes[base + i].reflected =
-                self.spawn(scene, &query, base + i, &hit, surface.point, &spawned, options);
+            let direction = reflect(parent.direction, surface);
+            let spawned = Spawned { slot, direction, share: share.max_element(), side: surface.side };
+            let branch = spawn(trees, next, leaving, &spawned, options);
+            trees.nodes[leaving.node as usize].reflected = branch;
         }
     }
 
     /// The rays of `self.refracted`.
     fn push_refracted(&mut self, scene: &Scene, slot: Slot, options: &TreeOptions) {
-        let refracted = std::mem::take(&mut self.refracted);
-        for &(i, node, direction) in &refracted {
-            let Some((hit, surface)) = self.trees.nodes[node].hit else { continue };
-            let share = scene.materials()[surface.material.index()].transmittance;
+        let Self { leaving, refracted, next, trees, .. } = self;
+        for &(i, direction) in &*refracted {
+            let leaving = &leaving[i];
+            let Some((_, surface)) = &trees.nodes[leaving.node as usize].hit else { continue };
+            let share = scene.materials()[surface.material.index()].transmittance.max_element();
             let spawned = Spawned { slot, direction, share, side: surface.side.opposite() };
-            let query = self.generation.query(i);
-            self.trees.nodes[node].refracted =
-                self.spawn(scene, &query, node, &hit, surface.point, &spawned, options);
+            let branch = spawn(trees, next, leaving, &spawned, options);
+            trees.nodes[leaving.node as usize].refracted = branch;
         }
-        self.refracted = refracted;
     }
+}
 
-    /// Adds a ray to the next generation, if it is not cut off.
-    #[expect(clippy::too_many_arguments, reason = "where a ray comes from, and what it becomes")]
-    fn spawn(
-        &mut self,
-        scene: &Scene,
-        query: &RayQuery,
-        parent: usize,
-        hit: &Hit,
-        point: DVec3,
-        &Spawned { slot, direction, share, side }: &Spawned,
-        options: &TreeOptions,
-    ) -> Branch {
-        let Node { weight, ray_set, .. } = self.trees.nodes[parent];
-        let weight = weight * share.max_element();
-        if options.cutoff.is_some_and(|cutoff| weight < cutoff) {
-            return Branch::None;
-        }
-        let child = index(self.trees.nodes.len());
-        self.next.push(&RayQuery {
-            ray_set: query.ray_set,
-            slot,
-            originating: Some(Originating { object: hit.object, primitive: hit.primitive, side }),
-            ray: Ray::new(point, direction),
-            span: Span { start: departure(scene, &query.ray), end: f64::INFINITY },
-        });
-        self.trees.nodes.push(node(ray_set, slot, direction, weight));
-        Branch::Node(child)
-    }
+/// A hit of a slot, with what its node does not know of the rays that leave it.
+#[derive(Clone, Copy, Debug)]
+struct Leaving {
+    ray_set: RaySetIndex,
+    node: u32,
+    /// Where rays that leave begin to see other surfaces.
+    start: f64,
 }
 
 /// A ray that leaves a hit.
 struct Spawned {
     slot: Slot,
     direction: DVec3,
-    /// The share of the intensity of what it meets that the surface passes on.
-    share: DVec3,
+    /// The greatest share of the intensity of what it meets that the surface passes on.
+    share: f64,
     side: Side,
 }
 
+/// Adds a ray to the next generation, if it is not cut off.
+#[inline]
+fn spawn(
+    trees: &mut IntersectionTrees,
+    next: &mut Generation,
+    leaving: &Leaving,
+    &Spawned { slot, direction, share, side }: &Spawned,
+    options: &TreeOptions,
+) -> Branch {
+    let Node { weight, ray_set, hit: Some((hit, surface)), .. } = &trees.nodes[leaving.node as usize] else {
+        return Branch::None;
+    };
+    let (weight, ray_set) = (weight * share, *ray_set);
+    if options.cutoff.is_some_and(|cutoff| weight < cutoff) {
+        return Branch::None;
+    }
+    next.push(&RayQuery {
+        ray_set: leaving.ray_set,
+        slot,
+        originating: Some(Originating { object: hit.object, primitive: hit.primitive, side }),
+        ray: Ray::new(surface.point, direction),
+        span: Span { start: leaving.start, end: f64::INFINITY },
+    });
+    let child = index(trees.nodes.len());
+    trees.nodes.push(node(ray_set, slot, direction, weight));
+    Branch::Node(child)
+}
+
+#[inline]
 fn node(ray_set: u32, slot: Slot, direction: DVec3, weight: f64) -> Node {
     Node { ray_set, slot, direction, hit: None, weight, reflected: Branch::None, refracted: Branch::None }
 }
 
+#[inline]
 fn index(i: usize) -> u32 {
     u32::try_from(i).expect("a bundle holds fewer than 2^32 nodes")
 }
 
 /// Where a ray that leaves a hit begins to see other surfaces.
+#[inline]
 fn departure(scene: &Scene, incoming: &Ray) -> f64 {
     DEPARTURE_MARGIN * (incoming.origin().abs().max_element() + scene.extent())
 }
 
+#[inline]
 fn surface_at(scene: &Scene, ray: &Ray, hit: &Hit) -> Surface {
     let point = ray.at(hit.t);
     let surface = scene.surface_at(hit.primitive, point);
@@ -350,7 +371,7 @@ fn surface_at(scene: &Scene, ray: &Ray, hit: &Hit) -> Surface {
     let shading_normal = flip(surface.shading_normal);
     // A normal that leans over so far that the ray would come from behind it shades nothing rightly.
     let leans_over = shading_normal.dot(ray.direction()) > 0.0;
-    let material = scene.objects()[hit.object.index()].material;
+    let material = scene.material_id_of(hit.object);
     Surface {
         point,
         normal,
@@ -361,6 +382,7 @@ fn surface_at(scene: &Scene, ray: &Ray, hit: &Hit) -> Surface {
 }
 
 /// The direction `d - 2 (n . d) n`; about the surface's own normal where the shading normal would lead into it.
+#[inline]
 fn reflect(d: DVec3, surface: &Surface) -> DVec3 {
     let about = |n: DVec3| unit(d - 2.0 * n.dot(d) * n).unwrap_or(n);
     let direction = about(surface.shading_normal);
@@ -370,6 +392,7 @@ fn reflect(d: DVec3, surface: &Surface) -> DVec3 {
 /// The refracted direction by Snell's law; `None` under total internal reflection.
 ///
 /// With `eta` the ratio of the indices and `c = -n . d`: `eta d + (eta c - sqrt(1 - eta^2 (1 - c^2))) n`.
+#[inline]
 fn refract(d: DVec3, surface: &Surface, material: &Material) -> Option<DVec3> {
     if (material.index - 1.0).abs() <= 0.0 {
         return Some(d);
@@ -378,14 +401,16 @@ fn refract(d: DVec3, surface: &Surface, material: &Material) -> Option<DVec3> {
         Side::Front => 1.0 / material.index,
         Side::Back => material.index,
     };
-    let about = |n: DVec3| {
-        let cosine = -n.dot(d);
-        let discriminant = 1.0 - eta * eta * (1.0 - cosine * cosine);
-        if discriminant < 0.0 {
-            return None;
-        }
-        unit(eta * d + (eta * cosine - discriminant.sqrt()) * n)
-    };
-    let direction = about(surface.shading_normal)?;
-    if direction.dot(surface.normal) < 0.0 { Some(direction) } else { about(surface.normal) }
+    let direction = refract_about(surface.shading_normal, d, eta)?;
+    if direction.dot(surface.normal) < 0.0 { Some(direction) } else { refract_about(surface.normal, d, eta) }
+}
+
+#[inline]
+fn refract_about(n: DVec3, d: DVec3, eta: f64) -> Option<DVec3> {
+    let cosine = -n.dot(d);
+    let discriminant = 1.0 - eta * eta * (1.0 - cosine * cosine);
+    if discriminant < 0.0 {
+        return None;
+    }
+    unit(eta * d + (eta * cosine - discriminant.sqrt()) * n)
 }

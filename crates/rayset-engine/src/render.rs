@@ -302,6 +302,15 @@ impl Picture {
     #[expect(clippy::cast_possible_truncation, reason = "a pixel is rounded to f32 once, here")]
     fn resolve(&mut self, grid: &Grid, radiance: &[Color], rows: Range<u32>) {
         let width = grid.crop.width as usize;
+        if grid.eye_rays == (EyeRays::Centers { samples: 1 }) {
+            // Every ray is a pixel.
+            let first = rows.start as usize * width;
+            for (k, plane) in self.beauty.iter_mut().enumerate() {
+                let plane = &mut plane[first..first + radiance.len()];
+                plane.iter_mut().zip(radiance).for_each(|(sample, color)| *sample = color[k] as f32);
+            }
+            return;
+        }
         for (row, y) in rows.enumerate() {
             for x in 0..width {
                 let color = grid.mean(radiance, (x, row));

@@ -8,8 +8,8 @@ use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 use crate::departure::Allowed;
 use crate::probe::map3;
 use crate::{
-    BoundingBox, Cone, Departure, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle, cone,
-    polygon, sphere, triangle,
+    BoundingBox, Cone, Departure, Polygon, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle,
+    cone, polygon, sphere, triangle,
 };
 
 /// Primitives of all kinds, a structure of arrays for each kind.
@@ -131,10 +131,14 @@ impl PrimitiveColumns {
     ///
     /// If there is no such primitive.
     #[must_use]
+    #[inline]
     pub fn normal_at(&self, kind: PrimitiveKind, index: u32, point: DVec3) -> DVec3 {
         let i = index as usize;
         match kind {
-            PrimitiveKind::Sphere => self.sphere(index).normal_at(point),
+            PrimitiveKind::Sphere => {
+                let [x, y, z, _] = &self.spheres;
+                Sphere::outward(DVec3::new(x[i], y[i], z[i]), point)
+            }
             PrimitiveKind::Triangle => self.triangle(index).normal(),
             PrimitiveKind::Polygon => self.polygon_normals[i],
             PrimitiveKind::Cone => {
@@ -282,6 +286,34 @@ impl PrimitiveColumns {
         let i = index as usize;
         let [x, y, z, radius] = &self.spheres;
         Sphere::new(DVec3::new(x[i], y[i], z[i]), radius[i])
+    }
+
+    /// A primitive by itself, for those who copy a scene; that of a cone is rounded anew.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    #[must_use]
+    pub fn primitive(&self, kind: PrimitiveKind, index: u32) -> Primitive {
+        let i = index as usize;
+        match kind {
+            PrimitiveKind::Sphere => self.sphere(index).into(),
+            PrimitiveKind::Triangle => self.triangle(index).into(),
+            PrimitiveKind::Polygon => {
+                let [x, y, z] = &self.polygon_vertices;
+                // The last repeats the first.
+                let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize - 1;
+                let vertices = vertices.map(|v| DVec3::new(x[v], y[v], z[v])).collect();
+                Polygon::new(vertices).expect("it was one when it was added").into()
+            }
+            PrimitiveKind::Cone => {
+                let at = |k: usize| DVec3::new(self.cones[k][i], self.cones[k + 1][i], self.cones[k + 2][i]);
+                let [height, radius, slope] = [6, 7, 8].map(|k| self.cones[k][i]);
+                let apex_radius = (radius + slope * height).max(0.0);
+                let cone = Cone::new(at(0), radius, at(0) + height * at(3), apex_radius);
+                cone.expect("it was one when it was added").into()
+            }
+        }
     }
 
     /// The nearest hit of a run, of equally near ones the one of least index.

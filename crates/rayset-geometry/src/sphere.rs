@@ -41,7 +41,12 @@ impl Sphere {
     /// The outward unit normal at a point on the sphere; along +z at the centre, where none is defined.
     #[must_use]
     pub fn normal_at(&self, point: DVec3) -> DVec3 {
-        crate::unit(point - self.center).unwrap_or(DVec3::Z)
+        Self::outward(self.center, point)
+    }
+
+    #[inline]
+    pub(crate) fn outward(center: DVec3, point: DVec3) -> DVec3 {
+        crate::unit(point - center).unwrap_or(DVec3::Z)
     }
 
     /// [`Primitive::intersect`](crate::Primitive::intersect) of a sphere: for loops that know what they test.

@@ -105,6 +105,7 @@ impl Camera {
     /// `x` runs from 0 at the left edge to `width` at the right, `y` from 0 at the upper edge to `height` at the
     /// lower: the centre of the first pixel is at (0.5, 0.5).
     #[must_use]
+    #[inline]
     pub fn ray(&self, x: f64, y: f64, width: u32, height: u32) -> Ray {
         let (width, height) = (f64::from(width), f64::from(height));
         let right = (2.0 * x - width) / height * self.half_height;

@@ -30,6 +30,7 @@ impl Scene {
         });
         let bounds = only.unwrap_or_else(|| enclosing_sphere(parts.iter().map(|part| &part.primitive)));
         let primitives = first..id(self.locations.len() + 1);
+        self.object_materials.push(material);
         self.objects.push(Object { name, material, bounds, primitives });
     }
 
@@ -55,6 +56,9 @@ impl Scene {
             self.locations[primitive as usize] =
                 PrimitiveLocation { kind: run.kind, index: run.range.start, volume };
             self.ids[run.kind as usize].push(PrimitiveId(primitive));
+            if let Primitive::Triangle(triangle) = &part.primitive {
+                self.triangle_normals.push(triangle.normal());
+            }
             if let Some(normals) = part.normals {
                 self.vertex_normal_index.resize(run.range.start as usize, u32::MAX);
                 self.vertex_normal_index.push(id(self.vertex_normals.len() + 1));

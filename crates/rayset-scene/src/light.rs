@@ -44,6 +44,7 @@ impl Light {
 
     /// The intensity.
     #[must_use]
+    #[inline]
     pub fn color(&self) -> Color {
         self.color
     }
@@ -59,6 +60,7 @@ impl Light {
 
     /// How the light is seen from `point`; `None` if the point is at the light.
     #[must_use]
+    #[inline]
     pub fn seen_from(&self, point: DVec3) -> Option<Illumination> {
         match self.place {
             Place::Point(position) => {

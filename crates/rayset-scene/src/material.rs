@@ -52,12 +52,14 @@ impl Default for Material {
 impl Material {
     /// Whether rays continue behind the surface.
     #[must_use]
+    #[inline]
     pub fn is_transmissive(&self) -> bool {
         self.transmittance.max_element() > 0.0
     }
 
     /// Whether the surface sends out a reflected ray: every reflective one does, and every transmissive one.
     #[must_use]
+    #[inline]
     pub fn is_reflective(&self) -> bool {
         self.reflectance.max_element() > 0.0 || self.is_transmissive()
     }

@@ -54,6 +54,8 @@ pub struct Scene {
     pub(crate) lights: Vec<Light>,
     pub(crate) materials: Vec<Material>,
     pub(crate) objects: Vec<Object>,
+    /// The material of each object, packed: it is asked for at every hit.
+    pub(crate) object_materials: Vec<MaterialId>,
     pub(crate) primitives: PrimitiveColumns,
     pub(crate) locations: Vec<PrimitiveLocation>,
     pub(crate) ids: [Vec<PrimitiveId>; 4],
@@ -61,6 +63,8 @@ pub struct Scene {
     pub(crate) volume_objects: Vec<ObjectId>,
     pub(crate) volume_runs: Vec<Range<u32>>,
     pub(crate) runs: Vec<ColumnRun>,
+    /// The normal of each triangle.
+    pub(crate) triangle_normals: Vec<DVec3>,
     pub(crate) vertex_normals: Vec<[DVec3; 3]>,
     /// By triangle index; `u32::MAX` for none. Empty if no triangle has normals.
     pub(crate) vertex_normal_index: Vec<u32>,
@@ -95,18 +99,21 @@ impl Scene {
 
     /// What a ray that hits nothing sees.
     #[must_use]
+    #[inline]
     pub fn background(&self) -> Color {
         self.background
     }
 
     /// The intensity of ambient light.
     #[must_use]
+    #[inline]
     pub fn ambient(&self) -> Color {
         self.ambient
     }
 
     /// The lights, by [`LightId`].
     #[must_use]
+    #[inline]
     pub fn lights(&self) -> &[Light] {
         &self.lights
     }
@@ -129,6 +136,7 @@ impl Scene {
 
     /// The materials, by [`MaterialId`].
     #[must_use]
+    #[inline]
     pub fn materials(&self) -> &[Material] {
         &self.materials
     }
@@ -141,7 +149,18 @@ impl Scene {
     #[must_use]
     #[inline]
     pub fn material_of(&self, object: ObjectId) -> &Material {
-        &self.materials[self.objects[object.index()].material.index()]
+        &self.materials[self.material_id_of(object).index()]
+    }
+
+    /// The id of the material of an object.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such object.
+    #[must_use]
+    #[inline]
+    pub fn material_id_of(&self, object: ObjectId) -> MaterialId {
+        self.object_materials[object.index()]
     }
 
     /// All primitives, as columns for testing.
@@ -209,6 +228,7 @@ impl Scene {
 
     /// The largest absolute coordinate of anything a ray can hit, in world units.
     #[must_use]
+    #[inline]
     pub fn extent(&self) -> f64 {
         self.extent
     }
@@ -219,10 +239,15 @@ impl Scene {
     ///
     /// If there is no such primitive.
     #[must_use]
+    #[inline]
     pub fn surface_at(&self, primitive: PrimitiveId, point: DVec3) -> SurfacePoint {
         let PrimitiveLocation { kind, index, .. } = self.location(primitive);
-        let normal = self.primitives.normal_at(kind, index, point);
+        let normal = match kind {
+            PrimitiveKind::Triangle => self.triangle_normals[index as usize],
+            _ => self.primitives.normal_at(kind, index, point),
+        };
         let interpolated = match kind {
+            PrimitiveKind::Triangle if self.vertex_normal_index.is_empty() => None,
             PrimitiveKind::Triangle => self.triangle_normal_at(index, point),
             PrimitiveKind::Polygon => self.patches.at(index, normal, point),
             PrimitiveKind::Sphere | PrimitiveKind::Cone => None,

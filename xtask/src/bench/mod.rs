@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: times, always of things that took turns on the same machine.
 
 mod coherence;
+mod povray;
 mod strategies;
 
 use crate::Outcome;
@@ -15,6 +16,7 @@ use crate::Outcome;
   cargo xtask bench --scene model.obj --view crop --threads 2
   cargo xtask bench --peers --quick
   cargo xtask bench coherence
+  cargo xtask bench povray
 
 Every strategy answers the same rays, recorded once a scene, in turns, list by list; answers are compared bit by bit.
 Times are those of the processor, of the calls alone. A strategy that needs thousands of tests a ray is skipped.
@@ -31,11 +33,14 @@ pub(crate) struct Options {
 enum What {
     /// What coherence gains: `coherent` beside `standard`, in time and tests, over n, resolution and lanes.
     Coherence(coherence::Options),
+    /// Whole pictures of standard scenes beside POV-Ray 3.7, which must be installed.
+    Povray(povray::Options),
 }
 
 pub(crate) fn run(options: &Options) -> Outcome {
     match &options.what {
         Some(What::Coherence(options)) => coherence::run(options),
+        Some(What::Povray(options)) => povray::run(options),
         None => strategies::run(&options.strategies),
     }
 }
