@@ -15,8 +15,12 @@ use crate::packet::{Packet, RayColumns, Shaft, level};
 use crate::shapes::Hit;
 use crate::together::{Exact, Hidden, Nearest, Progress, Question};
 
-/// What a shaft may cost: this share of the steps that its rays would take alone.
-const BUDGET_SHARE: [u64; 2] = [1, 2];
+/// What a shaft may cost: of the steps that its rays would take alone, one in so many, where shafts have paid of late.
+const BUDGET_SHARE: u64 = 2;
+/// The same where they have not: they must pay well to be given time.
+const FIRST_SHARE: u64 = 4;
+/// What it costs to test a primitive against the rays of a packet, in steps.
+const PACKET_TEST_STEPS: u64 = 2;
 /// What it costs to make a packet, in steps.
 const PACKET_STEPS: u64 = 2;
 /// Fewer rays than this are traced one by one.
@@ -79,6 +83,11 @@ impl Trial {
     fn is_due(&mut self) -> bool {
         self.wait = self.wait.saturating_sub(1);
         self.wait == 0
+    }
+
+    /// How many steps the next may take, whose rays would take some alone.
+    fn budget(&self, alone: u64) -> u64 {
+        alone / if self.saved > self.spent { BUDGET_SHARE } else { FIRST_SHARE }
     }
 
     /// Takes in what a shaft took, and what its rays would have taken alone if it has answered them.
@@ -402,7 +411,7 @@ impl<const W: usize> Wide<W> {
             let alone = scratch.classes[class].steps(len);
             let mut spent = PACKET_STEPS * n as u64;
             if let Some(shaft) = Shaft::around(simd, &mut packets, unit) {
-                let budget = alone * BUDGET_SHARE[0] / BUDGET_SHARE[1];
+                let budget = scratch.classes[class].tiles.budget(alone);
                 let (packets, asked, scratch) = (&mut packets[..], &mut asked[..], &mut scratch.single);
                 let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
                 let descent = Descent { shaft, packets, asked, tree, exact, budget, scratch };
@@ -426,7 +435,7 @@ impl<const W: usize> Wide<W> {
                 let mut spent = PACKET_STEPS;
                 let packets = std::slice::from_mut(&mut *packet);
                 if let Some(shaft) = Shaft::around(simd, packets, unit) {
-                    let budget = alone * BUDGET_SHARE[0] / BUDGET_SHARE[1];
+                    let budget = scratch.classes[class].packets.budget(alone);
                     let (asked, scratch) = (std::slice::from_mut(&mut *asked), &mut scratch.single);
                     let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
                     let descent = Descent { shaft, packets, asked, tree, exact, budget, scratch };
@@ -513,7 +522,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for Descent<'_, S, Q, W
     }
 }
 
-/// The steps of a descent: nodes, leaves, and tests of a primitive; an exact one of a single ray counts as one too.
+/// The steps of a descent: nodes, leaves, and tests of primitives.
 fn spent<const W: usize>(nodes: u64, leaves: u64, progress: &Progress<W>) -> u64 {
-    nodes + leaves + progress.shaft_tests + progress.packet_tests + progress.exact_tests
+    nodes + leaves + progress.shaft_tests + PACKET_TEST_STEPS * progress.packet_tests + progress.exact_steps
 }

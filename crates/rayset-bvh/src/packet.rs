@@ -17,7 +17,7 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 use crate::frame::{CullBox, Frame, round_down, round_up};
 use crate::hierarchy::ahead;
 use crate::node::{Child, Node};
-use crate::ray::{HIT_MARGIN, SINGLE};
+use crate::ray::{HIT_MARGIN, LEAST_COMPONENT, SINGLE};
 
 /// Origins farther out than this are traced one by one.
 const FAR: f32 = 4.0;
@@ -31,6 +31,8 @@ const LEAST_LENGTH: f32 = 0.5;
 pub const SHAFT_MARGIN: [f32; 2] = [160.0, 40.0];
 /// Where a lane without a ray ends, and one that asks for nothing more.
 const NOWHERE: f32 = -1e30;
+/// How far a box's planes are moved outwards for the rays of a packet, in units of a coordinate's rounding: as `SLAB_MARGIN`.
+const SLAB_UNITS: f32 = 96.0;
 /// Leaves no primitive.
 const NOBODY: u32 = u32::MAX;
 
@@ -153,6 +155,29 @@ impl<S: Simd, const W: usize> Packet<S, W> {
             left_front,
             leaves,
         }
+    }
+
+    /// The rays that meet a box, and where they enter it, or nearer.
+    #[inline(always)]
+    pub(crate) fn enter(
+        &self,
+        simd: S,
+        [low, high]: [[f32; 3]; 2],
+        unit: f32,
+    ) -> (<S::F32 as Lanes>::Mask, S::F32) {
+        let slack = SLAB_UNITS * unit;
+        let least = simd.splat_f32(LEAST_COMPONENT);
+        let (one, most) = (simd.splat_f32(1.0), simd.splat_f32(1.0 / LEAST_COMPONENT));
+        let (mut near, mut far) = (self.start, self.ends);
+        for k in 0..3 {
+            let direction = self.direction[k];
+            let inverse = (one / direction).select(direction.abs().ge(least), most);
+            let a = (simd.splat_f32(low[k] - slack) - self.origin[k]) * inverse;
+            let b = (simd.splat_f32(high[k] + slack) - self.origin[k]) * inverse;
+            near = near.max(a.min(b));
+            far = far.min(a.max(b));
+        }
+        (near.le(far), near)
     }
 
     /// The largest coordinate of each origin.

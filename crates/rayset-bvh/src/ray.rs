@@ -23,7 +23,7 @@ pub(crate) const HIT_MARGIN: f64 = 2.0 * rayset_geometry::PARTITION_MARGIN;
 const FAR: f64 = 4.0;
 
 /// Components of the direction of a smaller size count as this.
-const LEAST_COMPONENT: f32 = 1e-18;
+pub(crate) const LEAST_COMPONENT: f32 = 1e-18;
 
 /// A ray prepared for culling: it only discards what the `f64` ray cannot hit.
 #[derive(Clone, Copy, Debug)]

@@ -274,8 +274,8 @@ pub(crate) struct Progress<const W: usize> {
     pub(crate) packet_tests: u64,
     /// How many rays those were.
     pub(crate) ray_tests: u64,
-    /// Tests in double precision of a ray and a primitive that single precision was not sure of.
-    pub(crate) exact_tests: u64,
+    /// Steps for tests in double precision, where single precision was not sure.
+    pub(crate) exact_steps: u64,
 }
 
 impl<const W: usize> Progress<W> {
@@ -286,7 +286,7 @@ impl<const W: usize> Progress<W> {
             *reach = shaft.reach(simd, packet);
         }
         let mut progress =
-            Self { reaches, reach: 0.0, shaft_tests: 0, packet_tests: 0, ray_tests: 0, exact_tests: 0 };
+            Self { reaches, reach: 0.0, shaft_tests: 0, packet_tests: 0, ray_tests: 0, exact_steps: 0 };
         progress.sum_up();
         progress
     }
@@ -371,17 +371,20 @@ impl<const W: usize> Shapes<W> {
         shaft: &Shaft<S>,
         packet: &Packet<S, W>,
     ) -> Intervals<S> {
-        let (none, far) = (simd.mask_f32(0), simd.splat_f32(f32::INFINITY));
-        let (met, low) = if run.kind == PrimitiveKind::Cone {
-            let rays = (packet.origin, packet.direction);
-            let met = self.axis_block(run).rays_that_meet(simd, place as usize, rays, shaft.unit);
-            (met, packet.start)
-        } else if let Some(fans) = self.fan_block(run) {
-            fans.rays_that_meet(simd, place, shaft, packet)
-        } else {
-            (simd.mask_f32(u32::MAX), packet.start)
-        };
-        Intervals { possible: met & low.le(packet.ends), sure: none, low, high: far }
+        let (none, high) = (simd.mask_f32(0), simd.splat_f32(f32::INFINITY));
+        let (mut possible, mut low) = packet.enter(simd, self.bounds(run, place as usize), shaft.unit);
+        if possible.any() {
+            if run.kind == PrimitiveKind::Cone {
+                let rays = (packet.origin, packet.direction);
+                let met = self.axis_block(run).rays_that_meet(simd, place as usize, rays, shaft.unit);
+                possible = possible & met;
+            } else if let Some(fans) = self.fan_block(run) {
+                let (met, nearest) = fans.rays_that_meet(simd, place, shaft, packet);
+                low = low.max(nearest);
+                possible = possible & met & low.le(packet.ends);
+            }
+        }
+        Intervals { possible, sure: none, low, high }
     }
 
     /// Tests a leaf against the packets of a shaft.
@@ -418,7 +421,7 @@ impl<const W: usize> Shapes<W> {
                     let at = self.all_intervals(simd, run, place, shaft, packet);
                     if at.possible.any() {
                         let (is_nearer, tests) = asked.take(simd, exact, packet, record_of(i, place), &at);
-                        progress.exact_tests += u64::from(tests);
+                        progress.exact_steps += u64::from(tests * self.exact_steps(run));
                         if is_nearer {
                             progress.reaches[p] = shaft.reach(simd, packet);
                             is_new = true;
@@ -434,6 +437,13 @@ impl<const W: usize> Shapes<W> {
             }
             i += 1;
         }
+    }
+
+    /// What an exact test of a ray and a primitive costs, in steps.
+    #[inline(always)]
+    fn exact_steps(&self, run: &Run) -> u32 {
+        let is_long = run.kind == PrimitiveKind::Polygon && self.fan_block(run).is_none();
+        if is_long { 32 } else { 1 }
     }
 
     /// The places of a run whose primitives the shaft meets.
