@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rayset::engine::{Frame, RayKind, Work};
+use rayset::engine::{Frame, RayKind, StageCounts, Work};
 use serde::{Serialize, Serializer};
 use sha2::{Digest, Sha256};
 
@@ -49,6 +49,16 @@ struct RayStatistics {
     cast: u64,
     hit: u64,
     coherent: u64,
+    /// Of strategies that trace bundles in stages.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stages: Option<Stages>,
+}
+
+#[derive(Debug, Serialize)]
+struct Stages {
+    tiles: u64,
+    packets: u64,
+    alone: u64,
 }
 
 /// [`Work`] as an object with a key for each count.
@@ -57,10 +67,18 @@ pub(crate) struct WorkCounts(Work);
 
 impl Rays {
     pub(crate) fn of(frame: &Frame) -> Self {
-        let of = |kind: RayKind| RayStatistics {
-            cast: frame.counts[kind].cast,
-            hit: frame.counts[kind].hit,
-            coherent: frame.stats.coherence[kind].coherent,
+        let of = |kind: RayKind| {
+            let stages = frame.stats.stages[kind];
+            RayStatistics {
+                cast: frame.counts[kind].cast,
+                hit: frame.counts[kind].hit,
+                coherent: frame.stats.coherence[kind].coherent,
+                stages: (stages != StageCounts::default()).then_some(Stages {
+                    tiles: stages.tiles,
+                    packets: stages.packets,
+                    alone: stages.alone,
+                }),
+            }
         };
         Self {
             initial: of(RayKind::Initial),

@@ -10,7 +10,7 @@ use crate::{ByKind, Histogram};
 /// Those of `standard` depend on nothing else. Those of `speer-1985` also depend on the pixel order and on where sweeps
 /// begin, since it keeps what it learnt; those of `coherent` also on the bundle length, since the rays of a bundle
 /// share what they may spend; those of `hierarchical` on the number of lanes, which is the width of its nodes, and those
-/// of `bundle` on the bundle length too, since a packet's work is shared.
+/// of `bundle` and `auto` on the order and the bundle length too, since the rays of a shaft share its work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Work {
     /// Region partitions: the `k n` term of section 3 is one of them.

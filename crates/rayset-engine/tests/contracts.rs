@@ -225,14 +225,10 @@ fn contract_3_bundles_append_one_answer_a_query_as_the_methods_for_one_ray_give_
                 }
                 assert!(hits.values == expected_hits, "{what}");
                 assert!(occluded.values == expected_occluded, "{what}");
-                // The work of `bundle` depends on which rays come together; that of the others does not.
+                // The work of these depends on which rays come together; that of the others does not.
+                let is_shared = matches!(kind, StrategyKind::Bundle | StrategyKind::Auto);
                 let same_work = one.stats() == many.stats();
-                assert!(
-                    same_work || *kind == StrategyKind::Bundle,
-                    "{what}: {} {}",
-                    one.stats(),
-                    many.stats()
-                );
+                assert!(same_work || is_shared, "{what}: {} {}", one.stats(), many.stats());
                 let recorded = |n: usize| if recording == Recording::PerQuery { n } else { 1 };
                 assert_eq!(hits.work.len(), recorded(hits.values.len()), "{what}");
                 assert_eq!(occluded.work.len(), recorded(occluded.values.len()), "{what}");

@@ -144,6 +144,7 @@ pub(crate) struct Mode {
     embree: Arc<Embree>,
     lanes: usize,
     coherent: bool,
+    robust: bool,
     extent: f64,
 }
 
@@ -155,7 +156,7 @@ pub(crate) fn modes(embree: &Arc<Embree>, robust: bool, extent: f64) -> Vec<Mode
             let mut name = format!("embree {lanes}");
             name.push_str(if coherent { " coherent" } else { "" });
             name.push_str(if robust { " robust" } else { "" });
-            Mode { name, embree: Arc::clone(embree), lanes, coherent, extent }
+            Mode { name, embree: Arc::clone(embree), lanes, coherent, robust, extent }
         })
         .into()
 }
@@ -166,7 +167,7 @@ impl Contender for Mode {
     }
 
     fn family(&self) -> &'static str {
-        "embree"
+        if self.robust { "embree, robust" } else { "embree" }
     }
 
     fn is_exact(&self) -> bool {

@@ -8,7 +8,7 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rayset_study::{Coherence, CoherencePlan, StudyError, write_file};
 
-use crate::bless::replace_marked;
+use super::bless;
 use crate::{Outcome, project};
 
 #[derive(clap::Args)]
@@ -47,8 +47,8 @@ pub(crate) fn run(options: &Options) -> Outcome {
     write_file(&options.out.join("coherence.md"), tables.as_bytes())?;
     println!("Written to {} in {:.0} s.", options.out.display(), start.elapsed().as_secs_f64());
     if options.bless {
-        bless("docs/coherence.md", &tables)?;
-        bless("README.md", &result.summary())?;
+        bless("docs/coherence.md", "coherence", &tables)?;
+        bless("README.md", "coherence", &result.summary())?;
     }
     Ok(())
 }
@@ -69,15 +69,6 @@ fn measure(plan: &CoherencePlan) -> Result<Coherence, StudyError> {
     });
     bar.finish_and_clear();
     result
-}
-
-/// Writes what was measured between the marks of a document.
-fn bless(document: &str, contents: &str) -> Outcome {
-    let path = project::root().join(document);
-    let text = fs::read_to_string(&path)?;
-    write_file(&path, replace_marked(&text, "coherence", contents)?.as_bytes())?;
-    println!("wrote {}", path.display());
-    Ok(())
 }
 
 #[cfg(test)]

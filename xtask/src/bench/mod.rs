@@ -4,7 +4,10 @@ mod coherence;
 mod povray;
 mod strategies;
 
-use crate::Outcome;
+use rayset_study::write_file;
+
+use crate::bless::replace_marked;
+use crate::{Outcome, project};
 
 #[derive(clap::Args)]
 #[command(
@@ -15,6 +18,7 @@ use crate::Outcome;
   cargo xtask bench --scene spheres-16k --scene knob --only hierarchical --only cellular
   cargo xtask bench --scene model.obj --view crop --threads 2
   cargo xtask bench --peers --quick
+  cargo xtask bench --peers --bless
   cargo xtask bench coherence
   cargo xtask bench povray
 
@@ -43,4 +47,13 @@ pub(crate) fn run(options: &Options) -> Outcome {
         Some(What::Povray(options)) => povray::run(options),
         None => strategies::run(&options.strategies),
     }
+}
+
+/// Writes what was measured between the marks of a document.
+fn bless(document: &str, mark: &str, contents: &str) -> Outcome {
+    let path = project::root().join(document);
+    let text = std::fs::read_to_string(&path)?;
+    write_file(&path, replace_marked(&text, mark, contents)?.as_bytes())?;
+    println!("wrote {}", path.display());
+    Ok(())
 }

@@ -8,6 +8,7 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rayset_study::{Bench, BenchPlan, BenchScene, View, write_file};
 
+use super::bless;
 use crate::{Outcome, project};
 
 #[derive(clap::Args)]
@@ -36,6 +37,9 @@ pub(crate) struct Options {
     /// Adds other libraries on the same rays: Embree 3, if it is installed, obvhs and parry3d.
     #[arg(long)]
     peers: bool,
+    /// Writes the comparisons into docs/performance.md and README.md too.
+    #[arg(long, requires = "peers", conflicts_with = "quick")]
+    bless: bool,
     /// The folder for tables, figures as JSON, and plot.
     #[arg(long, value_name = "FOLDER", default_value_os_t = project::root().join("target/bench"))]
     out: PathBuf,
@@ -57,7 +61,28 @@ pub(crate) fn run(options: &Options) -> Outcome {
         println!("{}", measure(&plan)?.write(&options.out, "strategies")?);
     }
     println!("Written to {} in {:.0} s.", options.out.display(), start.elapsed().as_secs_f64());
+    if options.bless {
+        let text = fs::read_to_string(options.out.join("peers.md"))?;
+        let building = fs::read_to_string(options.out.join("building.md")).unwrap_or_default();
+        bless("docs/performance.md", "bench", &format!("{}{building}", comparisons(&text)))?;
+        bless("README.md", "bench", frames(&text))?;
+        let plot = fs::read(options.out.join("peers.svg"))?;
+        write_file(&project::root().join("docs/performance.svg"), &plot)?;
+    }
     Ok(())
+}
+
+/// The tables over all scenes: what stands before the first scene's own.
+fn comparisons(text: &str) -> &str {
+    let is_scene = |heading: &str| heading.contains(" primitives, nanoseconds a ray");
+    let end = text.match_indices("### ").find(|(at, _)| text[*at..].lines().next().is_some_and(is_scene));
+    end.map_or(text, |(at, _)| &text[..at])
+}
+
+/// The table of whole frames.
+fn frames(text: &str) -> &str {
+    let rest = text.split_once("### Speed of a frame's rays\n\n").map_or("", |(_, rest)| rest);
+    rest.split_once("### ").map_or(rest, |(table, _)| table).trim_end_matches('\n')
 }
 
 /// What the options ask for.
@@ -135,6 +160,23 @@ fn measure(plan: &BenchPlan) -> Result<Bench, Box<dyn std::error::Error>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_blessed_is_cut_out_of_the_tables() {
+        let text = "Some machine.\n\n### Speed of a frame's rays\n\n| a |\n\n### Speed, list by list\n\n| b |\n\n\
+                    ### balls, 512 x 512: 7 primitives, nanoseconds a ray\n\n| c |\n";
+        assert!(comparisons(text).ends_with("| b |\n\n"));
+        assert_eq!(frames(text), "| a |");
+    }
+
+    #[test]
+    fn the_documents_have_a_place_for_it() {
+        let documents = [include_str!("../../../docs/performance.md"), include_str!("../../../README.md")];
+        for text in documents {
+            assert_eq!(text.matches("<!-- bench -->\n").count(), 1);
+            assert_eq!(text.matches("<!-- /bench -->\n").count(), 1);
+        }
+    }
 
     #[test]
     fn quick_scenes_are_scenes() {

@@ -112,6 +112,14 @@ impl BenchRow {
         self.passes.iter().map(|pass| pass.rays).sum()
     }
 
+    /// The time of `auto` over that of the fastest other strategy of ours.
+    #[must_use]
+    pub fn auto_over_fastest(&self) -> Option<f64> {
+        let others = self.contenders.iter().filter(|other| other.family == "rayset" && other.name != "auto");
+        let fastest = others.map(|other| other.frame.median).reduce(f64::min)?;
+        Some(self.contender("auto")?.frame.median / fastest)
+    }
+
     /// The contender of a name.
     #[must_use]
     pub fn contender(&self, name: &str) -> Option<&ContenderRow> {

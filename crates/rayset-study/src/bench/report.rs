@@ -59,11 +59,13 @@ impl Bench {
         let _ =
             write!(text, "### All rays of a frame, in milliseconds\n\n| scene | view | primitives | rays |");
         cells(text, names.iter().map(|name| format!("`{name}`")));
-        let _ = writeln!(text, "\n|---|---|---:|---:|{}", "---:|".repeat(names.len()));
+        let _ = write!(text, " `auto` over the fastest |");
+        let _ = writeln!(text, "\n|---|---|---:|---:|{}", "---:|".repeat(names.len() + 1));
         for row in &self.rows {
             let _ = write!(text, "| {} | {} | {} | {} |", row.scene, row.view, row.primitives, row.rays());
             let of = |name: &&str| row.contender(name).map_or_else(String::new, |found| entry(&found.frame));
             cells(text, names.iter().map(of));
+            cells(text, [row.auto_over_fastest().map_or_else(String::new, |ratio| format!("{ratio:.2}"))]);
             text.push('\n');
         }
         text.push('\n');
