@@ -26,7 +26,7 @@ const PACKET_STEPS: u64 = 2;
 /// Fewer rays than this are traced one by one.
 const LEAST_PACKET: usize = 4;
 /// After how many shafts at most one is tried again.
-const LONGEST_WAIT: u32 = 64;
+const LONGEST_WAIT: usize = 64;
 /// What is taken for the steps of a ray before any was traced alone.
 const FIRST_STEPS: u64 = 8;
 
@@ -54,9 +54,9 @@ struct Class {
 #[derive(Clone, Copy, Debug)]
 struct Trial {
     /// How many are not tried.
-    wait: u32,
+    wait: usize,
     /// How many will not be tried after the next loss.
-    next_wait: u32,
+    next_wait: usize,
     /// Steps spent and saved of late.
     spent: u64,
     saved: u64,
@@ -339,13 +339,12 @@ impl<const W: usize> Wide<W> {
             let len = (range.end - first).min(W * W);
             let is_answered = suits && len >= LEAST_PACKET && {
                 let Class { tiles, packets, .. } = &mut scratch.classes[class];
-                let (try_tile, try_packets) =
-                    (len > W && tiles.is_due(), packets.wait <= len.div_ceil(W) as u32);
+                let (try_tile, try_packets) = (len > W && tiles.is_due(), packets.wait <= len.div_ceil(W));
                 if try_tile || try_packets {
                     self.tile(simd, frame, rays, first, len, class, try_tile, &mut list, scratch);
                     true
                 } else {
-                    packets.wait -= len.div_ceil(W) as u32;
+                    packets.wait -= len.div_ceil(W);
                     false
                 }
             };
@@ -497,7 +496,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for Descent<'_, S, Q, W
         let is_done = loop {
             if current.is_leaf() {
                 leaves += 1;
-                exact.shapes.ask(simd, current.index(), shaft, packets, asked, exact, &mut progress);
+                exact.ask(simd, current.index(), shaft, packets, asked, &mut progress);
             } else {
                 nodes += 1;
                 let node = &tree.nodes[current.index()];

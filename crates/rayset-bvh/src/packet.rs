@@ -576,7 +576,7 @@ mod tests {
         for i in 0..3000 {
             let at = |k: f64| (f64::from(i) * k).fract();
             // Coordinates that single precision has exactly.
-            let exactly = |x: f64| f64::from((x * 1024.0).round() as f32 / 1024.0);
+            let exactly = |x: f64| (x * 1024.0).round() / 1024.0;
             let eye = DVec3::new(3.0 * at(0.618_033_9) - 1.5, at(0.754_877_7) - 0.5, -1.2 - at(0.569_840_3));
             let touched = DVec3::new(
                 exactly(1.4 * at(0.819_172_5) - 0.7),

@@ -178,10 +178,10 @@ impl<const W: usize> Exact<'_, W> {
             let place = record & ((1 << PLACE_BITS) - 1);
             let sphere = self.shapes.sphere(run.first + place);
             primitives[i] = self.shapes.number(run, place);
-            for k in 0..3 {
-                spheres[k][i] = sphere.center()[k];
+            let [x, y, z] = sphere.center().to_array();
+            for (column, value) in spheres.iter_mut().zip([x, y, z, sphere.radius()]) {
+                column[i] = value;
             }
-            spheres[3][i] = sphere.radius();
             wanted |= 1 << i;
             let (leaves, outwards) = packet.leaves_from(lane + i, primitives[i]);
             front |= u32::from(run.sides != Sides::Back && !leaves) << i;
@@ -215,6 +215,61 @@ impl<const W: usize> Exact<'_, W> {
             if wanted & is_hit.bits() & 1 << i != 0 {
                 found[lane + i] = Some(Hit { t: distances[i], primitive: primitives[i] });
             }
+        }
+    }
+}
+
+impl<const W: usize> Exact<'_, W> {
+    /// Tests a leaf against the packets of a shaft.
+    #[inline(always)]
+    pub(crate) fn ask<S: Simd, Q: Question<S, W>>(
+        &self,
+        simd: S,
+        first_run: usize,
+        shaft: &Shaft<S>,
+        packets: &mut [Packet<S, W>],
+        asked: &mut [Q],
+        progress: &mut Progress<W>,
+    ) {
+        let shapes = self.shapes;
+        let mut i = first_run;
+        loop {
+            let run = &shapes.runs()[i];
+            let mut candidates = shapes.candidates(simd, run, shaft, progress.reach);
+            let mut is_new = false;
+            while candidates != 0 {
+                let place = candidates.trailing_zeros();
+                candidates &= candidates - 1;
+                let mut met = 1;
+                if packets.len() > 1 {
+                    progress.shaft_tests += 1;
+                    met =
+                        shaft.packets_that_meet(simd, shapes.bounds(run, place as usize), &progress.reaches);
+                }
+                while met != 0 {
+                    let p = met.trailing_zeros() as usize;
+                    met &= met - 1;
+                    let (packet, asked) = (&mut packets[p], &mut asked[p]);
+                    progress.packet_tests += 1;
+                    progress.ray_tests += packet.len as u64;
+                    let at = shapes.all_intervals(simd, run, place, shaft, packet);
+                    if at.possible.any() {
+                        let (is_nearer, tests) = asked.take(simd, self, packet, record_of(i, place), &at);
+                        progress.exact_steps += u64::from(tests * shapes.exact_steps(run));
+                        if is_nearer {
+                            progress.reaches[p] = shaft.reach(simd, packet);
+                            is_new = true;
+                        }
+                    }
+                }
+            }
+            if is_new {
+                progress.sum_up();
+            }
+            if !run.goes_on {
+                return;
+            }
+            i += 1;
         }
     }
 }
@@ -385,58 +440,6 @@ impl<const W: usize> Shapes<W> {
             }
         }
         Intervals { possible, sure: none, low, high }
-    }
-
-    /// Tests a leaf against the packets of a shaft.
-    #[inline(always)]
-    pub(crate) fn ask<S: Simd, Q: Question<S, W>>(
-        &self,
-        simd: S,
-        first_run: usize,
-        shaft: &Shaft<S>,
-        packets: &mut [Packet<S, W>],
-        asked: &mut [Q],
-        exact: &Exact<'_, W>,
-        progress: &mut Progress<W>,
-    ) {
-        let mut i = first_run;
-        loop {
-            let run = &self.runs()[i];
-            let mut candidates = self.candidates(simd, run, shaft, progress.reach);
-            let mut is_new = false;
-            while candidates != 0 {
-                let place = candidates.trailing_zeros();
-                candidates &= candidates - 1;
-                let mut met = 1;
-                if packets.len() > 1 {
-                    progress.shaft_tests += 1;
-                    met = shaft.packets_that_meet(simd, self.bounds(run, place as usize), &progress.reaches);
-                }
-                while met != 0 {
-                    let p = met.trailing_zeros() as usize;
-                    met &= met - 1;
-                    let (packet, asked) = (&mut packets[p], &mut asked[p]);
-                    progress.packet_tests += 1;
-                    progress.ray_tests += packet.len as u64;
-                    let at = self.all_intervals(simd, run, place, shaft, packet);
-                    if at.possible.any() {
-                        let (is_nearer, tests) = asked.take(simd, exact, packet, record_of(i, place), &at);
-                        progress.exact_steps += u64::from(tests * self.exact_steps(run));
-                        if is_nearer {
-                            progress.reaches[p] = shaft.reach(simd, packet);
-                            is_new = true;
-                        }
-                    }
-                }
-            }
-            if is_new {
-                progress.sum_up();
-            }
-            if !run.goes_on {
-                return;
-            }
-            i += 1;
-        }
     }
 
     /// What an exact test of a ray and a primitive costs, in steps.

@@ -133,8 +133,9 @@ fn primitive() -> impl Strategy<Value = Primitive> {
             |(center, x, y, n, star)| {
                 let corner = |i: usize| {
                     let angle = std::f64::consts::TAU * i as f64 / n as f64;
-                    let reach = if star && i % 2 == 0 { 0.1 } else { 0.4 };
-                    center + reach * (angle.cos() * x + angle.sin() * y)
+                    let reach = if star && i.is_multiple_of(2) { 0.1 } else { 0.4 };
+                    let (sin, cos) = libm::sincos(angle);
+                    center + reach * (cos * x + sin * y)
                 };
                 Polygon::new((0..n).map(corner).collect()).map(Primitive::from)
             }

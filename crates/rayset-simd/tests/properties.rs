@@ -110,7 +110,9 @@ impl Kernel for CullingOnly<'_> {
         let narrowed = simd.narrow_f32(&wide, 0.1, 0.25);
         let found = simd.equal_u32(&values, values[n - 1]);
         for i in 0..n {
-            assert_eq!(narrowed.lane(i).to_bits(), (((wide[i] - 0.1) * 0.25) as f32).to_bits());
+            #[expect(clippy::cast_possible_truncation, reason = "what the lanes do")]
+            let expected = ((wide[i] - 0.1) * 0.25) as f32;
+            assert_eq!(narrowed.lane(i).to_bits(), expected.to_bits());
             assert_eq!(found.bits() >> i & 1 == 1, values[i] == values[n - 1]);
         }
     }
