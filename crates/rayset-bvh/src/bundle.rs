@@ -11,7 +11,7 @@ use rayset_simd::{Lanes, Part, Simd};
 use crate::frame::Frame;
 use crate::hierarchy::{Hierarchy, Scratch, Wide, Width};
 use crate::node::Tree;
-use crate::packet::{Packet, RayColumns, Shaft, level};
+use crate::packet::{Approach, Packet, RayColumns, Shaft, level};
 use crate::shapes::Hit;
 use crate::together::{Exact, Hidden, Nearest, Progress, Question};
 
@@ -395,11 +395,13 @@ impl<const W: usize> Wide<W> {
         scratch: &mut BundleScratch,
     ) {
         let n = len.div_ceil(W);
+        let approach = Approach::of(frame, rays, first..first + len);
         let mut packets = Vec::with_capacity(W);
         for p in 0..n {
-            packets.push(Packet::<S, W>::new(simd, frame, rays, first + p * W, (len - p * W).min(W)));
+            let (first, len) = (first + p * W, (len - p * W).min(W));
+            packets.push(Packet::<S, W>::new(simd, frame, rays, first, len, &approach));
         }
-        let Some(unit) = level(simd, frame, &mut packets) else {
+        let Some(unit) = level(simd, frame, &mut packets, &approach) else {
             self.alone::<S, L, false>(simd, frame, rays, first..first + len, class, list, scratch);
             return;
         };

@@ -64,6 +64,12 @@ impl RayColumns<'_> {
     }
 
     #[inline(always)]
+    fn origin(&self, i: usize) -> DVec3 {
+        let [x, y, z] = self.origins;
+        DVec3::new(x[i], y[i], z[i])
+    }
+
+    #[inline(always)]
     pub(crate) fn ray(&self, i: usize) -> (Ray, Span) {
         let at = |columns: &[&[f64]; 3]| DVec3::new(columns[0][i], columns[1][i], columns[2][i]);
         let span = Span { start: self.spans.0[i], end: self.spans.1[i] };
@@ -82,6 +88,8 @@ pub(crate) struct Packet<S: Simd, const W: usize> {
     /// Where its rays begin in the columns, and how many there are.
     pub(crate) first: usize,
     pub(crate) len: usize,
+    /// How far its rays were moved along their directions.
+    advance: f64,
     pub(crate) origin: [S::F32; 3],
     pub(crate) direction: [S::F32; 3],
     /// The shear along the axis of a shaft: `d_x / d_z`, `d_y / d_z` and `1 / d_z`.
@@ -98,38 +106,89 @@ pub(crate) struct Packet<S: Simd, const W: usize> {
     leaves: bool,
 }
 
-/// The first values from `first` on, one a lane; where fewer are left, the last again.
+/// How rays that start far off are brought near before single precision sees them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Approach {
+    /// How far all are moved along their directions, in units of culling space.
+    advance: f64,
+    /// The largest coordinate of an origin that was moved.
+    size: f64,
+}
+
+impl Approach {
+    /// That of some rays of a list: none, if the first starts nearby.
+    #[inline(always)]
+    pub(crate) fn of(frame: &Frame, rays: &RayColumns<'_>, range: Range<usize>) -> Self {
+        let is_far = frame.point(rays.origin(range.start)).abs().max_element() > f64::from(FAR);
+        if is_far { Self::of_far(frame, rays, range) } else { Self { advance: 0.0, size: 0.0 } }
+    }
+
+    #[inline(never)]
+    fn of_far(frame: &Frame, rays: &RayColumns<'_>, range: Range<usize>) -> Self {
+        let (mut nearest, mut size) = (f64::INFINITY, 0.0_f64);
+        for i in range {
+            let origin = frame.point(rays.origin(i));
+            nearest = nearest.min(origin.length());
+            size = size.max(origin.abs().max_element());
+        }
+        // Nothing lies nearer than the distance to a sphere round the unit cube.
+        Self { advance: (nearest - f64::from(FAR)).max(0.0), size }
+    }
+}
+
+/// Values from `first` on, one a lane; where fewer are left, the last again. If rays are moved, with what is added to
+/// each: the move along a direction, or less, for distances, where there are no directions.
 #[inline(always)]
 fn narrow<S: Simd, const W: usize>(
     simd: S,
     column: &[f64],
-    first: usize,
-    len: usize,
-    offset: f64,
-    scale: f64,
+    (first, len): (usize, usize),
+    (offset, scale): (f64, f64),
+    moved: Option<(&[f64], f64)>,
 ) -> S::F32 {
     if let Some(values) = column.get(first..first + W)
         && len == W
+        && moved.is_none()
     {
         return simd.narrow_f32(values, offset, scale);
     }
-    let mut values = [column[first + len - 1]; W];
-    values[..len].copy_from_slice(&column[first..first + len]);
-    simd.narrow_f32(&values, offset, scale)
+    let mut values = [0.0; W];
+    for (lane, value) in values.iter_mut().enumerate() {
+        let i = first + lane.min(len - 1);
+        *value = (column[i] - offset) * scale;
+        if let Some((directions, advance)) = moved {
+            *value += advance * directions.get(i).copied().unwrap_or(-1.0);
+        }
+    }
+    simd.narrow_f32(&values, 0.0, 1.0)
 }
 
 impl<S: Simd, const W: usize> Packet<S, W> {
     /// The rays of columns from `first` on: 1 to `W` of them.
     #[inline(always)]
-    pub(crate) fn new(simd: S, frame: &Frame, rays: &RayColumns<'_>, first: usize, len: usize) -> Self {
+    pub(crate) fn new(
+        simd: S,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        first: usize,
+        len: usize,
+        approach: &Approach,
+    ) -> Self {
+        let advance = approach.advance;
+        let moved = advance > 0.0;
         let zero = simd.splat_f32(0.0);
         let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
+        let place = (first, len);
         for k in 0..3 {
-            origin[k] = narrow::<S, W>(simd, rays.origins[k], first, len, frame.center[k], frame.scale);
-            direction[k] = narrow::<S, W>(simd, rays.directions[k], first, len, 0.0, 1.0);
+            let along = moved.then_some((rays.directions[k], advance));
+            let column = rays.origins[k];
+            origin[k] = narrow::<S, W>(simd, column, place, (frame.center[k], frame.scale), along);
+            direction[k] = narrow::<S, W>(simd, rays.directions[k], place, (0.0, 1.0), None);
         }
-        let starts = narrow::<S, W>(simd, rays.spans.0, first, len, 0.0, frame.scale).max(zero);
-        let ends = narrow::<S, W>(simd, rays.spans.1, first, len, 0.0, frame.scale);
+        // Spans begin where the origins now are.
+        let back = moved.then_some((&[][..], advance));
+        let starts = narrow::<S, W>(simd, rays.spans.0, place, (0.0, frame.scale), back).max(zero);
+        let ends = narrow::<S, W>(simd, rays.spans.1, place, (0.0, frame.scale), back);
         let is_ray = simd.mask_f32(u32::MAX >> (32 - len));
         let (mut left, mut left_front) = ([NOBODY; W], 0);
         let leaves = !rays.left.is_empty();
@@ -144,6 +203,7 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         Self {
             first,
             len,
+            advance,
             origin,
             direction,
             factors: [zero; 3],
@@ -184,6 +244,16 @@ impl<S: Simd, const W: usize> Packet<S, W> {
     #[inline(always)]
     fn sizes(&self) -> S::F32 {
         self.origin[0].abs().max(self.origin[1].abs()).max(self.origin[2].abs())
+    }
+
+    /// A distance in culling space that is not below, or not above, `t` in world units.
+    #[inline(always)]
+    pub(crate) fn above(&self, frame: &Frame, t: f64) -> f32 {
+        round_up(t * frame.scale - self.advance)
+    }
+    #[inline(always)]
+    pub(crate) fn below(&self, frame: &Frame, t: f64) -> f32 {
+        round_down(t * frame.scale - self.advance)
     }
 
     /// Rounds the spans outwards and inwards.
@@ -229,13 +299,15 @@ pub(crate) fn level<S: Simd, const W: usize>(
     simd: S,
     frame: &Frame,
     packets: &mut [Packet<S, W>],
+    approach: &Approach,
 ) -> Option<f32> {
     let mut sizes = simd.splat_f32(0.0);
     for packet in packets.iter() {
         sizes = sizes.max(packet.sizes());
     }
     let size = sizes.greatest();
-    let hit_slack = HIT_MARGIN * (2.0 * (f64::from(size) + frame.remoteness) + 1.0);
+    // The error of a hit grows with the coordinates of the origin as it was.
+    let hit_slack = HIT_MARGIN * (2.0 * (f64::from(size).max(approach.size) + frame.remoteness) + 1.0);
     if !(size <= FAR && hit_slack < 1e-3) {
         return None;
     }
@@ -480,16 +552,6 @@ impl<S: Simd> Shaft<S> {
     }
 }
 
-/// A distance in culling space that is not below, or not above, `t` in world units.
-#[inline(always)]
-pub(crate) fn above(frame: &Frame, t: f64) -> f32 {
-    round_up(t * frame.scale)
-}
-#[inline(always)]
-pub(crate) fn below(frame: &Frame, t: f64) -> f32 {
-    round_down(t * frame.scale)
-}
-
 /// Boxes in lanes, by their six planes: lower x, y, z, then upper.
 pub(crate) trait Planes<S: Simd> {
     /// A plane of every box.
@@ -602,9 +664,10 @@ mod tests {
                 spans: (&starts, &ends),
                 left: &[],
             };
+            let approach = Approach::of(&frame, &rays, 0..2 * W);
             let mut packets =
-                [Packet::<S, W>::new(simd, &frame, &rays, 0, W), Packet::new(simd, &frame, &rays, W, W)];
-            let unit = level(simd, &frame, &mut packets).expect("they start nearby");
+                [0, W].map(|first| Packet::<S, W>::new(simd, &frame, &rays, first, W, &approach));
+            let unit = level(simd, &frame, &mut packets, &approach).expect("they start nearby");
             let Some(shaft) = Shaft::around(simd, &mut packets, factor * unit) else { continue };
             // Flat across the axis, so that no end of the box is worse than the other.
             let corner = touched + DVec3::new(0.1, 0.0, 0.0);

@@ -5,7 +5,7 @@ use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::Frame;
 use crate::interval::{self, Intervals, SpanLanes};
-use crate::packet::{Packet, RayColumns, Shaft, above, below};
+use crate::packet::{Packet, RayColumns, Shaft};
 use crate::shapes::{Hit, Run, Shapes};
 
 /// How many bits of a record's number say where in its run it stands.
@@ -118,8 +118,8 @@ impl<S: Simd> Nearest<S> {
         }
         let mask = simd.mask_f32(1 << lane);
         self.records = simd.splat_f32(f32::from_bits(record)).select(mask, self.records);
-        self.lows = simd.splat_f32(below(exact.frame, hit.t)).select(mask, self.lows);
-        packet.ends = simd.splat_f32(above(exact.frame, hit.t)).select(mask, packet.ends);
+        self.lows = simd.splat_f32(packet.below(exact.frame, hit.t)).select(mask, self.lows);
+        packet.ends = simd.splat_f32(packet.above(exact.frame, hit.t)).select(mask, packet.ends);
     }
 
     /// What the rays of a packet have found, exactly.
@@ -468,6 +468,120 @@ impl<const W: usize> Shapes<W> {
             PrimitiveKind::Sphere => self.sphere_block(run).bounds(place),
             PrimitiveKind::Triangle => self.triangle_block(run).bounds(place),
             PrimitiveKind::Polygon | PrimitiveKind::Cone => self.box_block(run).bounds(place),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+    use rayset_geometry::glam::DVec3;
+    use rayset_geometry::{BoundingBox, Probe, Ray, Span, Triangle, unit};
+    use rayset_simd::{Backend, Kernel, Scalar};
+
+    use super::*;
+    use crate::interval::TriangleBlock;
+    use crate::packet::{Approach, level};
+
+    /// How often single precision contradicts the exact test of a triangle, for rays that go mostly across the axis of
+    /// their packet.
+    #[derive(Debug, Default)]
+    struct Tally {
+        lost: u32,
+        false_sure: u32,
+        out_of_interval: u32,
+        hits: u32,
+    }
+
+    struct Oblique {
+        /// By what the margins are multiplied.
+        factor: f32,
+    }
+
+    impl Kernel for Oblique {
+        type Output = Tally;
+
+        fn run<S: Simd>(self, simd: S) -> Tally {
+            if S::F32::LANES == 16 {
+                oblique::<S, 16>(simd, self.factor)
+            } else {
+                oblique::<S, 8>(simd, self.factor)
+            }
+        }
+    }
+
+    fn oblique<S: Simd, const W: usize>(simd: S, factor: f32) -> Tally {
+        let mut dice = ChaCha8Rng::seed_from_u64(3);
+        let mut tally = Tally::default();
+        let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
+        for case in 0..30_000 {
+            let mut at = || 2.0 * f64::from(dice.next_u32()) / f64::from(u32::MAX) - 1.0;
+            let mut point = || DVec3::new(at(), at(), at());
+            let (a, b, c, across) = (0.8 * point(), point(), point(), point());
+            let size = [0.1, 1e-2, 1e-3][case % 3];
+            let corners = [a, a + size * b, a + size * c];
+            let offset = [0.0, 1e-8, -1e-8, 1e-7, -1e-7, 1e-6, -1e-6, 1e-3][case % 8];
+            let edge = corners[1] + (0.5 + 0.5 * at()) * (corners[2] - corners[1]);
+            let target = edge + offset * (corners[0] - edge);
+            // A quarter of the direction goes along z.
+            let flat = unit(DVec3::new(across.x, across.y, 0.0)).unwrap_or(DVec3::X);
+            let direction = unit(0.97 * flat + 0.25 * DVec3::Z).expect("it has a length");
+            let eye = target - (0.5 + 0.4 * at()) * direction;
+            let mut columns: [Vec<f64>; 6] = Default::default();
+            for lane in 0..W {
+                let direction = if lane == 0 { direction } else { DVec3::Z };
+                for k in 0..3 {
+                    columns[k].push(eye[k]);
+                    columns[3 + k].push(direction[k]);
+                }
+            }
+            let (starts, ends) = (vec![0.0; W], vec![f64::INFINITY; W]);
+            let [ox, oy, oz, dx, dy, dz] = &columns;
+            let (origins, directions) = ([&ox[..], oy, oz], [&dx[..], dy, dz]);
+            let rays = RayColumns { origins, directions, spans: (&starts, &ends), left: &[] };
+            let approach = Approach::of(&frame, &rays, 0..W);
+            let mut packet = [Packet::<S, W>::new(simd, &frame, &rays, 0, W, &approach)];
+            let unit = level(simd, &frame, &mut packet, &approach).expect("they start nearby");
+            let shaft = Shaft::around(simd, &mut packet, unit).expect("all go along z");
+            let packet = &packet[0];
+            let mut block = TriangleBlock::<W>::EMPTY;
+            block.set(0, corners.map(|corner| frame.point(corner).to_array()));
+            let [a, b, c] = block.one(simd, 0, shaft.axes);
+            let vertices = [shaft.shear(packet, a), shaft.shear(packet, b), shaft.shear(packet, c)];
+            let Packet { start, start_above, end_below, ends, .. } = *packet;
+            let span = SpanLanes { start, start_above, end_below, ends };
+            let (all, margin) = (simd.mask_f32(u32::MAX), [factor * unit, SHEAR_SCALE]);
+            let found = interval::triangle(simd, vertices, packet.factors[2], margin, &span, all, all);
+            let (possible, sure) = (found.possible.bits() & 1 == 1, found.sure.bits() & 1 == 1);
+            let probe = Probe::new(Scalar, &Ray::new(eye, direction), Span::FORWARD, true);
+            let [a, b, c] = corners;
+            let exact = Triangle::new(a, b, c).intersect(&probe, Sides::Both, None);
+            tally.hits += u32::from(exact.is_some());
+            tally.lost += u32::from(exact.is_some() && !possible);
+            tally.false_sure += u32::from(exact.is_none() && sure);
+            if let Some(t) = exact
+                && possible
+            {
+                let (low, high) = (found.low.lane(0), found.high.lane(0));
+                let is_within = low <= packet.above(&frame, t) && (!sure || high >= packet.below(&frame, t));
+                tally.out_of_interval += u32::from(!is_within);
+            }
+        }
+        tally
+    }
+
+    #[test]
+    fn oblique_rays_of_a_packet_lose_no_triangle() {
+        for &backend in Backend::available() {
+            let tally = backend.run(Oblique { factor: 1.0 });
+            let wrong = (tally.lost, tally.false_sure, tally.out_of_interval);
+            assert!(wrong == (0, 0, 0) && tally.hits > 5_000, "{backend}: {tally:?}");
+            let tally = backend.run(Oblique { factor: 0.0 });
+            assert!(
+                tally.lost > 0 && tally.false_sure > 0 && tally.out_of_interval > 0,
+                "{backend}: {tally:?}"
+            );
         }
     }
 }

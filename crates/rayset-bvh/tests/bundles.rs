@@ -157,7 +157,7 @@ proptest! {
     fn rays_together_have_the_bits_of_a_loop(
         primitives in prop::collection::vec((primitive(), sides()), 1..150),
         eye in any_point(),
-        far in prop::sample::select(vec![0.0, 1.0, 3.0]),
+        far in prop::sample::select(vec![0.0, 1.0, 3.0, 10.0, 1e4]),
         target in any_point(),
         spread in prop::sample::select(vec![0.0, 1e-9, 1e-3, 0.1, 0.5]),
         parallel in any::<bool>(),

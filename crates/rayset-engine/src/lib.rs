@@ -10,7 +10,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let scene = RandomSpheres { count: 4, ..RandomSpheres::default() }.scene()?;
 //! let options = RenderOptions { width: 32, height: 32, ..RenderOptions::default() };
-//! let frame = render(StrategyKind::Standard.bind(&scene).as_ref(), &options)?;
+//! let frame = render(StrategyKind::default().bind(&scene).as_ref(), &options)?;
 //! assert_eq!(frame.counts.initial.cast, 32 * 32);
 //! # Ok(())
 //! # }

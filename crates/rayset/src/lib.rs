@@ -17,7 +17,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let scene = RandomSpheres { count: 8, seed: 1, ..RandomSpheres::default() }.scene()?;
 //! let options = RenderOptions { width: 64, height: 64, ..RenderOptions::default() };
-//! let frame = render(StrategyKind::Standard.bind(&scene).as_ref(), &options)?;
+//! let frame = render(StrategyKind::default().bind(&scene).as_ref(), &options)?;
 //! println!("{}", frame.counts);
 //! # Ok(())
 //! # }

@@ -8,6 +8,7 @@ mod ffi;
 mod obvhs;
 mod parry;
 mod parts;
+mod plain;
 mod single;
 
 use std::error::Error;
@@ -22,6 +23,7 @@ use rayset_study::{Bench, BenchPlan, Contender, write_file};
 
 use crate::embree::Embree;
 use crate::parts::Parts;
+use crate::plain::Plain;
 use crate::single::Single;
 
 fn main() -> ExitCode {
@@ -72,7 +74,7 @@ fn peers(scene: &Scene, threads: usize) -> Peers {
         Ok(parts) if parts.triangles.len() + parts.spheres.len() > 0 => parts,
         outcome => {
             let reason = outcome.err().unwrap_or_else(|| "no primitives".to_owned());
-            ["embree", "obvhs", "parry3d"].into_iter().for_each(|name| refuse(name, reason.clone()));
+            ["embree", "obvhs", "bvh", "parry3d"].into_iter().for_each(|name| refuse(name, reason.clone()));
             return (peers, refused);
         }
     };
@@ -88,6 +90,7 @@ fn peers(scene: &Scene, threads: usize) -> Peers {
     }
     peers.push(Box::new(Single { library: obvhs::Wide::new(&parts), extent }));
     peers.push(Box::new(Single { library: obvhs::Binary::new(&parts), extent }));
+    peers.push(Box::new(Single { library: Plain::new(&parts), extent }));
     match parts.spheres.is_empty().then(|| parry::Mesh::new(&parts)) {
         Some(Ok(mesh)) => peers.push(Box::new(Single { library: mesh, extent })),
         Some(Err(reason)) => refuse("parry3d", reason),

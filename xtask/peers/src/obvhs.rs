@@ -15,7 +15,7 @@ use crate::single::Library;
 
 /// A primitive.
 #[derive(Clone, Copy)]
-enum Shape {
+pub(crate) enum Shape {
     Triangle(Triangle),
     Sphere(Vec3A, f32),
 }
@@ -35,7 +35,7 @@ impl Boundable for Shape {
 impl Shape {
     /// The distance of the first hit within the span; infinite for none.
     #[inline(always)]
-    fn intersect(&self, ray: &Ray) -> f32 {
+    pub(crate) fn intersect(&self, ray: &Ray) -> f32 {
         match self {
             Self::Triangle(triangle) => triangle.intersect(ray),
             Self::Sphere(center, radius) => {
@@ -59,7 +59,7 @@ impl Shape {
 struct Shapes(Vec<(Shape, u32)>);
 
 /// The shapes of a scene, and their ids.
-fn shapes(parts: &Parts) -> (Vec<Shape>, Vec<u32>) {
+pub(crate) fn shapes(parts: &Parts) -> (Vec<Shape>, Vec<u32>) {
     let triangle = |corners: &[[f32; 3]; 3]| {
         let [v0, v1, v2] = corners.map(Vec3A::from_array);
         Shape::Triangle(Triangle { v0, v1, v2 })
@@ -76,7 +76,7 @@ impl Shapes {
     }
 }
 
-fn ray(ray: &Narrow) -> Ray {
+pub(crate) fn ray(ray: &Narrow) -> Ray {
     let vector = Vec3A::from_array;
     Ray::new(vector(ray.origin), vector(ray.direction), ray.span[0], ray.span[1])
 }

@@ -34,7 +34,7 @@ pub(crate) struct Options {
     /// A folder with further meshes, each in a folder of its own: `teapot/teapot.obj`, `lost_empire/lost_empire.obj`.
     #[arg(long, value_name = "FOLDER")]
     meshes: Option<PathBuf>,
-    /// Adds other libraries on the same rays: Embree 3, if it is installed, obvhs and parry3d.
+    /// Adds other libraries on the same rays: Embree 3, if it is installed, obvhs, bvh and parry3d.
     #[arg(long)]
     peers: bool,
     /// Writes the comparisons into docs/performance.md and README.md too.
