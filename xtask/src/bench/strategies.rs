@@ -65,7 +65,7 @@ pub(crate) fn run(options: &Options) -> Outcome {
         let text = fs::read_to_string(options.out.join("peers.md"))?;
         let building = fs::read_to_string(options.out.join("building.md")).unwrap_or_default();
         bless("docs/performance.md", "bench", &format!("{}{building}", comparisons(&text)))?;
-        bless("README.md", "bench", frames(&text))?;
+        bless("README.md", "bench", &format!("{}\n", frames(&text)))?;
         let plot = fs::read(options.out.join("peers.svg"))?;
         write_file(&project::root().join("docs/performance.svg"), &plot)?;
     }
