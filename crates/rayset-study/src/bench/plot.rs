@@ -3,6 +3,7 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
+use super::versus::OURS;
 use super::{Bench, BenchRow};
 use crate::StudyError;
 
@@ -14,8 +15,8 @@ const COLORS: [[u8; 3]; 7] =
 const SIZE: (u32, u32) = (1100, 560);
 
 /// The nanoseconds a ray of one contender, by place on the axis.
-struct Curve<'b> {
-    name: &'b str,
+struct Curve {
+    name: String,
     /// x, and the median with its quartiles.
     points: Vec<(f64, [f64; 3])>,
 }
@@ -35,12 +36,7 @@ impl Bench {
         let rows: Vec<_> = self.rows.iter().filter(|row| row.view == view).collect();
         let (spheres, others): (Vec<&BenchRow>, Vec<&BenchRow>) =
             rows.into_iter().partition(|row| row.spheres.is_some());
-        let mut names: Vec<&str> = Vec::new();
-        for contender in self.rows.iter().flat_map(|row| &row.contenders) {
-            if !names.contains(&contender.name.as_str()) {
-                names.push(&contender.name);
-            }
-        }
+        let sources = self.sources();
         let by_number = |row: &BenchRow, _: usize| f64::from(row.spheres.unwrap_or_default());
         #[expect(clippy::cast_precision_loss, reason = "few scenes")]
         let by_place = |_: &BenchRow, place: usize| place as f64;
@@ -50,7 +46,7 @@ impl Bench {
             area.fill(&WHITE)?;
             let (left, right) = area.split_horizontally(SIZE.0 * 11 / 20);
             if !spheres.is_empty() {
-                let curves = curves(&names, &spheres, &by_number);
+                let curves = curves(&sources, &spheres, &by_number);
                 let greatest = spheres.iter().map(|row| by_number(row, 0)).fold(2.0, f64::max);
                 let mut chart = chart(&left, &format!("random spheres, {view}")).build_cartesian_2d(
                     (0.7..greatest * 1.4).log_scale().base(2.0),
@@ -69,7 +65,7 @@ impl Bench {
                     let line = curve.points.iter().map(|&(x, [_, median, _])| (x, median));
                     chart
                         .draw_series(LineSeries::new(line.clone(), color.stroke_width(2)))?
-                        .label(curve.name)
+                        .label(curve.name.as_str())
                         .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
                     chart.draw_series(line.map(|point| Circle::new(point, 3, color.filled())))?;
                     chart.draw_series(curve.points.iter().map(|&(x, [low, _, high])| {
@@ -79,7 +75,7 @@ impl Bench {
                 legend(&mut chart)?;
             }
             if !others.is_empty() {
-                let curves = curves(&names, &others, &by_place);
+                let curves = curves(&sources, &others, &by_place);
                 let end = by_place(others[0], others.len()) - 0.5;
                 let mut chart = chart(&right, &format!("other scenes, {view}"))
                     .build_cartesian_2d(-0.5..end, range(&curves).log_scale())?;
@@ -105,10 +101,13 @@ impl Bench {
                     let points = curve.points.iter().map(|&(x, [_, median, _])| (x, median));
                     chart
                         .draw_series(points.map(|point| Circle::new(point, 4, color.filled())))?
-                        .label(curve.name)
+                        .label(curve.name.as_str())
                         .legend(move |(x, y)| Circle::new((x + 9, y), 4, color.filled()));
                 }
-                legend(&mut chart)?;
+                // The colours are those of the other chart, if there is one.
+                if spheres.is_empty() {
+                    legend(&mut chart)?;
+                }
             }
             area.present()?;
         }
@@ -116,26 +115,67 @@ impl Bench {
     }
 }
 
-/// The curves that have points, in the order of the names.
+/// Whose times a curve shows.
+#[derive(Clone, Copy, Debug)]
+enum Source<'b> {
+    /// A contender's.
+    One(&'b str),
+    /// Those of a library's fastest mode for each list, which have no spread.
+    Best(&'b str),
+}
+
+impl Source<'_> {
+    fn name(&self) -> String {
+        match self {
+            Self::One(name) => (*name).to_owned(),
+            Self::Best(family) => format!("{family}: best mode"),
+        }
+    }
+
+    /// Milliseconds of a frame: lower quartile, median, upper quartile.
+    fn frame(&self, row: &BenchRow) -> Option<[f64; 3]> {
+        match self {
+            Self::One(name) => {
+                let frame = row.contender(name)?.frame;
+                Some([frame.lower_quartile, frame.median, frame.upper_quartile])
+            }
+            Self::Best(family) => row.frame(|pass| row.best(family, pass)).map(|best| [best; 3]),
+        }
+    }
+}
+
+impl Bench {
+    /// Every contender of ours, and of others each library.
+    fn sources(&self) -> Vec<Source<'_>> {
+        let (mut ours, mut families): (Vec<&str>, Vec<&str>) = Default::default();
+        for contender in self.rows.iter().flat_map(|row| &row.contenders) {
+            let (list, name) = match contender.family.as_str() {
+                OURS => (&mut ours, contender.name.as_str()),
+                family => (&mut families, family),
+            };
+            if !list.contains(&name) {
+                list.push(name);
+            }
+        }
+        ours.into_iter().map(Source::One).chain(families.into_iter().map(Source::Best)).collect()
+    }
+}
+
+/// The curves that have points, in the order of the sources.
 #[expect(clippy::cast_precision_loss, reason = "counts below 2^53")]
-fn curves<'b>(
-    names: &[&'b str],
-    rows: &[&BenchRow],
-    place: &dyn Fn(&BenchRow, usize) -> f64,
-) -> Vec<Curve<'b>> {
-    let curve = |name: &&'b str| {
+fn curves(sources: &[Source<'_>], rows: &[&BenchRow], place: &dyn Fn(&BenchRow, usize) -> f64) -> Vec<Curve> {
+    let curve = |source: &Source<'_>| {
         let points = rows.iter().enumerate().filter_map(|(i, row)| {
-            let frame = row.contender(name)?.frame;
-            let times = [frame.lower_quartile, frame.median, frame.upper_quartile];
+            let times = source.frame(row)?;
             Some((place(row, i), times.map(|time| time * 1e6 / row.rays() as f64)))
         });
-        Curve { name, points: points.collect() }
+        Curve { name: source.name(), points: points.collect() }
     };
-    names.iter().map(curve).collect()
+    sources.iter().map(curve).collect()
 }
 
 /// From the least to the greatest time, with some room.
-fn range(curves: &[Curve<'_>]) -> std::ops::Range<f64> {
+fn range(curves: &[Curve]) -> std::ops::Range<f64> {
     let times = || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.1[1]));
     times().fold(1e9, f64::min).min(10.0) * 0.8..times().fold(0.0, f64::max).max(20.0) * 1.5
 }

@@ -6,7 +6,7 @@ use super::report::cells;
 use super::{Bench, BenchRow, ContenderRow};
 
 /// Whose contenders are compared with all others.
-const OURS: &str = "rayset";
+pub(super) const OURS: &str = "rayset";
 
 /// The single rays of ours and of the library that comparisons are usually made with.
 const SINGLE: [&str; 2] = ["hierarchical", "embree 1"];
@@ -16,7 +16,7 @@ const TOGETHER: &str = "bundle";
 
 impl BenchRow {
     /// Nanoseconds a ray of the fastest contender of a family for a list.
-    fn best(&self, family: &str, pass: usize) -> Option<f64> {
+    pub(super) fn best(&self, family: &str, pass: usize) -> Option<f64> {
         let of_family = self.contenders.iter().filter(|contender| contender.family == family);
         of_family
             .filter_map(|contender| contender.passes.get(pass))
@@ -26,7 +26,7 @@ impl BenchRow {
 
     /// Milliseconds of a frame whose every list takes some nanoseconds a ray.
     #[expect(clippy::cast_precision_loss, reason = "counts below 2^53")]
-    fn frame(&self, list: impl Fn(usize) -> Option<f64>) -> Option<f64> {
+    pub(super) fn frame(&self, list: impl Fn(usize) -> Option<f64>) -> Option<f64> {
         let times = self.passes.iter().enumerate().map(|(p, pass)| Some(list(p)? * pass.rays as f64 * 1e-6));
         times.sum()
     }
