@@ -79,7 +79,10 @@ fn nothing_depends_on_bundles_threads_or_lanes() {
                 for bundle_len in [1, 7, 64, whole] {
                     // What is retained depends on what the rays before have saved, and nodes are as wide as the lanes.
                     let stats = match kind {
-                        StrategyKind::Coherent | StrategyKind::Hierarchical | StrategyKind::Bundle => {
+                        StrategyKind::Coherent
+                        | StrategyKind::Hierarchical
+                        | StrategyKind::Bundle
+                        | StrategyKind::Auto => {
                             let options = RenderOptions { bundle_len: Some(bundle_len), ..OPTIONS };
                             frame(strategy.as_ref(), &options).stats
                         }
