@@ -150,7 +150,7 @@ fn combinations(quick: bool) -> Vec<Combination> {
         for (b, &backend) in Backend::available().iter().enumerate() {
             for (i, bundle_len) in [Some(64), Some(1), Some(7), None].into_iter().enumerate() {
                 for (j, n_threads) in [1, 2].into_iter().enumerate() {
-                    for (k, order) in [PixelOrder::Scanline, PixelOrder::Tiles(8)].into_iter().enumerate() {
+                    for (k, order) in [PixelOrder::Scanline, PixelOrder::Morton(8)].into_iter().enumerate() {
                         // In two backends every pair of two choices comes up.
                         if !quick || j == (i + b) % 2 && k == (i / 2 + b) % 2 {
                             combinations.push(Combination { kind, backend, n_threads, order, bundle_len });

@@ -11,7 +11,8 @@ use rayset_simd::{Lanes, Part, Simd};
 use crate::frame::Frame;
 use crate::hierarchy::{Hierarchy, Scratch, Wide, Width};
 use crate::node::Tree;
-use crate::packet::{Approach, Packet, RayColumns, Shaft, level};
+use crate::packet::{Approach, Packet, RayColumns, level};
+use crate::shaft::Shaft;
 use crate::shapes::Hit;
 use crate::together::{Exact, Hidden, Nearest, Progress, Question};
 
@@ -145,31 +146,7 @@ impl Hierarchy {
         hits: &mut [Option<Hit>],
         scratch: &mut BundleScratch,
     ) {
-        match &self.width {
-            Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.bundle::<S, NearestHits<'_>>(
-                    simd,
-                    &self.frame,
-                    rays,
-                    range,
-                    class,
-                    NearestHits(hits),
-                    scratch,
-                );
-            }
-            Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.bundle::<S, NearestHits<'_>>(
-                    simd,
-                    &self.frame,
-                    rays,
-                    range,
-                    class,
-                    NearestHits(hits),
-                    scratch,
-                );
-            }
-            _ => panic!("a hierarchy runs on the lanes it was built for"),
-        }
+        self.bundle_on(simd, rays, range, class, NearestHits(hits), scratch);
     }
 
     /// Whether some rays of a list hit anything: as [`Hierarchy::nearest_bundle_on`].
@@ -187,28 +164,25 @@ impl Hierarchy {
         occluded: &mut [bool],
         scratch: &mut BundleScratch,
     ) {
+        self.bundle_on(simd, rays, range, class, Occluded(occluded), scratch);
+    }
+
+    #[inline(always)]
+    fn bundle_on<S: Simd, L: List>(
+        &self,
+        simd: S,
+        rays: &RayColumns<'_>,
+        range: Range<usize>,
+        class: usize,
+        list: L,
+        scratch: &mut BundleScratch,
+    ) {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.bundle::<S, Occluded<'_>>(
-                    simd,
-                    &self.frame,
-                    rays,
-                    range,
-                    class,
-                    Occluded(occluded),
-                    scratch,
-                );
+                wide.bundle(simd, &self.frame, rays, range, class, list, scratch);
             }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.bundle::<S, Occluded<'_>>(
-                    simd,
-                    &self.frame,
-                    rays,
-                    range,
-                    class,
-                    Occluded(occluded),
-                    scratch,
-                );
+                wide.bundle(simd, &self.frame, rays, range, class, list, scratch);
             }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }

@@ -10,7 +10,8 @@ use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::Frame;
 use crate::interval::{DEPTH_MARGIN, Edges, LeafRay, TriangleBlock, VERTEX_MARGIN};
-use crate::packet::{Packet, Shaft};
+use crate::packet::Packet;
+use crate::shaft::Shaft;
 use crate::together::SHEAR_SCALE;
 
 /// A polygon of more vertices is not tested as a fan: by its `f64` test alone it is as fast.

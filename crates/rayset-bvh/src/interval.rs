@@ -6,8 +6,8 @@
 
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
-use crate::packet::Planes;
 use crate::ray::CullRay;
+use crate::shaft::Planes;
 
 /// How far the perpendicular from a sphere's centre may be off, in units of the rounding of a coordinate.
 pub const SPHERE_MARGIN: f32 = 34.0;

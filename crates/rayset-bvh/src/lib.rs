@@ -29,6 +29,7 @@ mod interval;
 mod node;
 mod packet;
 mod ray;
+mod shaft;
 mod shapes;
 mod together;
 mod traverse;
@@ -39,8 +40,9 @@ pub use boxes::BoxHierarchy;
 pub use bundle::{BundleScratch, Bundled};
 pub use hierarchy::{Hierarchy, Scratch};
 pub use interval::{SPHERE_MARGIN, VERTEX_MARGIN};
-pub use packet::{RayColumns, SHAFT_MARGIN};
+pub use packet::RayColumns;
 pub use ray::SLAB_MARGIN;
+pub use shaft::SHAFT_MARGIN;
 pub use shapes::Hit;
 pub use traverse::Steps;
 

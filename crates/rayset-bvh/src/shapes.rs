@@ -14,8 +14,8 @@ use crate::build::Reference;
 use crate::fans::{FanBlock, fan_len};
 use crate::frame::Frame;
 use crate::interval::{Intervals, LeafRay, SphereBlock, TriangleBlock};
-use crate::packet::BoxBlock;
 use crate::ray::CullRay;
+use crate::shaft::BoxBlock;
 
 /// What is hit.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,8 @@ use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::Frame;
 use crate::interval::{self, Intervals, SpanLanes};
-use crate::packet::{Packet, RayColumns, Shaft};
+use crate::packet::{Packet, RayColumns};
+use crate::shaft::Shaft;
 use crate::shapes::{Hit, Run, Shapes};
 
 /// How many bits of a record's number say where in its run it stands.

@@ -51,7 +51,7 @@ pub(crate) struct Options {
     /// Leaves out rays that can add no more than this share of their intensity to the pixel; `off` for none.
     #[arg(long, value_name = "X|off", default_value = "0.00390625")]
     cutoff: Cutoff,
-    /// The order of pixels: scanline, serpentine, tiles or tiles=N; by default what suits the strategy. Changes no pixel.
+    /// The order of pixels: scanline, serpentine, tiles, tiles=N, morton or morton=N; by default what suits the strategy. Changes no pixel.
     #[arg(long, value_name = "ORDER", value_parser = values::order)]
     order: Option<PixelOrder>,
     /// Threads; by default one for each processor. Changes no pixel and no count.

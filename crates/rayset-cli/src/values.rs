@@ -36,15 +36,17 @@ impl FromStr for Cutoff {
     }
 }
 
-/// `scanline`, `serpentine`, `tiles` or `tiles=N`.
+/// `scanline`, `serpentine`, `tiles`, `tiles=N`, `morton` or `morton=N`.
 pub(crate) fn order(text: &str) -> Result<PixelOrder, String> {
-    match (text, text.strip_prefix("tiles=").map(str::parse::<u32>)) {
-        ("scanline", _) => Ok(PixelOrder::Scanline),
-        ("serpentine", _) => Ok(PixelOrder::Serpentine),
-        ("tiles", _) => Ok(PixelOrder::Tiles(16)),
-        (_, Some(Ok(size @ 1..=4096))) => Ok(PixelOrder::Tiles(size)),
+    let (name, size) = text.split_once('=').unwrap_or((text, "16"));
+    match (text, name, size.parse::<u32>()) {
+        ("scanline", ..) => Ok(PixelOrder::Scanline),
+        ("serpentine", ..) => Ok(PixelOrder::Serpentine),
+        (_, "tiles", Ok(size @ 1..=4096)) => Ok(PixelOrder::Tiles(size)),
+        (_, "morton", Ok(size @ 1..=4096)) => Ok(PixelOrder::Morton(size)),
         _ => {
-            Err("an order is `scanline`, `serpentine`, `tiles` or `tiles=N` with N from 1 to 4096".to_owned())
+            Err("an order is `scanline`, `serpentine`, `tiles=N` or `morton=N`, with N from 1 to 4096"
+                .to_owned())
         }
     }
 }
@@ -123,6 +125,7 @@ mod tests {
         assert_eq!("off".parse(), Ok(Cutoff(None)));
         assert_eq!("0.25".parse(), Ok(Cutoff(Some(0.25))));
         assert_eq!(order("tiles=8"), Ok(PixelOrder::Tiles(8)));
+        assert_eq!(order("morton"), Ok(PixelOrder::Morton(16)));
         assert_eq!(crop("1,2,3,4"), Ok(Crop { x: 1, y: 2, width: 3, height: 4 }));
         assert_eq!(vector("-1, 2.5,3e2"), Ok(DVec3::new(-1.0, 2.5, 300.0)));
         assert_eq!(layers("all"), Ok(Layers::ALL));
@@ -132,7 +135,8 @@ mod tests {
             assert!(crop(text).is_err() && vector(text).is_err() && order(text).is_err(), "{text}");
         }
         assert!("2".parse::<Cutoff>().is_err() && "nan".parse::<Cutoff>().is_err());
-        assert!(order("tiles=0").is_err() && vector("1,2,inf").is_err() && layers("beauty,").is_err());
+        assert!(order("tiles=0").is_err() && order("serpentine=4").is_err());
+        assert!(vector("1,2,inf").is_err() && layers("beauty,").is_err());
     }
 
     #[test]

@@ -12,6 +12,11 @@ pub enum PixelOrder {
     Serpentine,
     /// Square tiles of this many pixels a side, row by row; inside a tile row by row.
     Tiles(u32),
+    /// Such tiles; inside a tile along the Z-order curve, so that any 4, 16 or 64 pixels that follow one another are a
+    /// square too, where the tile has its full size.
+    ///
+    /// Source: Morton 1966, "A computer oriented geodetic data base and a new technique in file sequencing".
+    Morton(u32),
 }
 
 /// How much of an image a sweep covers: what a strategy retains never crosses from one sweep to the next.
@@ -34,7 +39,7 @@ impl PixelOrder {
     pub(crate) fn sweeps(self, height: u32, length: SweepLength) -> Vec<Range<u32>> {
         let unit = match self {
             Self::Scanline | Self::Serpentine => 1,
-            Self::Tiles(size) => size.max(1),
+            Self::Tiles(size) | Self::Morton(size) => size.max(1),
         };
         let rows = match length {
             SweepLength::WholeImage => height,
@@ -47,13 +52,13 @@ impl PixelOrder {
     }
 
     /// Appends the pixels `(x, y)` of a band of rows in order.
-    pub(crate) fn extend_with_pixels(self, pixels: &mut Vec<(u32, u32)>, width: u32, rows: Range<u32>) {
+    pub fn extend_with_pixels(self, pixels: &mut Vec<(u32, u32)>, width: u32, rows: Range<u32>) {
         match self {
             Self::Scanline => pixels.extend(rows.flat_map(|y| (0..width).map(move |x| (x, y)))),
             Self::Serpentine => pixels.extend(
                 rows.flat_map(|y| (0..width).map(move |x| (if y % 2 == 0 { x } else { width - 1 - x }, y))),
             ),
-            Self::Tiles(size) => {
+            Self::Tiles(size) | Self::Morton(size) => {
                 let size = size.max(1);
                 for tile_y in rows.clone().step_by(size as usize) {
                     for tile_x in (0..width).step_by(size as usize) {
@@ -61,7 +66,11 @@ impl PixelOrder {
                             tile_x.saturating_add(size).min(width),
                             tile_y.saturating_add(size).min(rows.end),
                         );
-                        pixels.extend((tile_y..end_y).flat_map(|y| (tile_x..end_x).map(move |x| (x, y))));
+                        if matches!(self, Self::Morton(_)) {
+                            push_along_curve(pixels, (tile_x..end_x, tile_y..end_y));
+                        } else {
+                            pixels.extend((tile_y..end_y).flat_map(|y| (tile_x..end_x).map(move |x| (x, y))));
+                        }
                     }
                 }
             }
@@ -69,16 +78,41 @@ impl PixelOrder {
     }
 }
 
+/// Appends the pixels of a rectangle along the Z-order curve of the least square, of a power of two, that holds it.
+fn push_along_curve(pixels: &mut Vec<(u32, u32)>, (columns, rows): (Range<u32>, Range<u32>)) {
+    let (width, height) = (columns.end - columns.start, rows.end - rows.start);
+    if width == 0 || height == 0 {
+        return;
+    }
+    // Squares still to be cut into quarters: corner and side. The last is the next.
+    let mut squares = vec![(0, 0, u64::from(width.max(height)).next_power_of_two())];
+    while let Some((x, y, side)) = squares.pop() {
+        if x >= u64::from(width) || y >= u64::from(height) {
+            continue;
+        }
+        if side == 1 {
+            let offset = |first: u32, at: u64| first + u32::try_from(at).expect("it lies in the rectangle");
+            pixels.push((offset(columns.start, x), offset(rows.start, y)));
+            continue;
+        }
+        let half = side / 2;
+        squares.extend([(half, half), (0, half), (half, 0), (0, 0)].map(|(dx, dy)| (x + dx, y + dy, half)));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const ORDERS: [PixelOrder; 5] = [
+    const ORDERS: [PixelOrder; 8] = [
         PixelOrder::Scanline,
         PixelOrder::Serpentine,
         PixelOrder::Tiles(1),
         PixelOrder::Tiles(4),
         PixelOrder::Tiles(0),
+        PixelOrder::Morton(4),
+        PixelOrder::Morton(5),
+        PixelOrder::Morton(u32::MAX),
     ];
 
     #[test]
@@ -104,5 +138,17 @@ mod tests {
         let mut pixels = Vec::new();
         PixelOrder::Tiles(2).extend_with_pixels(&mut pixels, 3, 0..2);
         assert_eq!(pixels, [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (2, 1)]);
+    }
+
+    #[test]
+    fn the_curve_goes_through_squares() {
+        let mut pixels = Vec::new();
+        PixelOrder::Morton(4).extend_with_pixels(&mut pixels, 8, 0..4);
+        assert_eq!(pixels[..6], [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (3, 0)]);
+        for square in pixels.chunks(4) {
+            let (x, y) = square[0];
+            assert_eq!(square, [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]);
+        }
+        assert!(pixels[..16].iter().all(|&(x, _)| x < 4));
     }
 }

@@ -48,7 +48,7 @@ fn exact(scene: &Scene) -> impl Iterator<Item = Box<dyn IntersectionStrategy + '
 
 #[test]
 fn contract_1_queries_of_a_slot_arrive_in_increasing_order_of_ray_sets() {
-    let orders = [PixelOrder::Scanline, PixelOrder::Serpentine, PixelOrder::Tiles(4)];
+    let orders = [PixelOrder::Scanline, PixelOrder::Serpentine, PixelOrder::Tiles(4), PixelOrder::Morton(4)];
     for test in &scenes::all() {
         for (order, bundle_len) in orders.into_iter().flat_map(|order| [1, 9, 1000].map(|len| (order, len))) {
             let options = RenderOptions { order: Some(order), bundle_len: Some(bundle_len), ..OPTIONS };

@@ -106,7 +106,7 @@ fn nothing_depends_on_bundles_threads_or_lanes() {
 
 #[test]
 fn neither_pixels_nor_ray_counts_depend_on_the_order_of_pixels() {
-    let orders = [PixelOrder::Scanline, PixelOrder::Serpentine, PixelOrder::Tiles(4), PixelOrder::Tiles(16)];
+    let orders = [PixelOrder::Scanline, PixelOrder::Serpentine, PixelOrder::Tiles(4), PixelOrder::Morton(16)];
     let sweeps = [SweepLength::Rows(1), SweepLength::Rows(7), SweepLength::WholeImage];
     for TestScene { name, scene, .. } in &scenes::all() {
         let expected = frame(&Standard::new(scene), &OPTIONS);

@@ -125,6 +125,7 @@ impl Conditions {
             PixelOrder::Scanline => "scanline".to_owned(),
             PixelOrder::Serpentine => "serpentine".to_owned(),
             PixelOrder::Tiles(side) => format!("tiles-{side}"),
+            PixelOrder::Morton(side) => format!("morton-{side}"),
         };
         let choices = self.reading.choices().into_iter().map(|(option, choice)| (option, choice.to_owned()));
         let others = [

@@ -73,15 +73,14 @@ pub(crate) struct Narrow {
 /// Where a ray stands in a sweep: bundle and place.
 pub(crate) type Place = (usize, usize);
 
-/// The rays of a sweep, bundle by bundle; within one by slot and light, then along a Morton curve over the tile, so
-/// that 16 neighbours in the list are 4 by 4 in the image where none is missing.
+/// The rays of a sweep, bundle by bundle; within one by slot and light, then in the order of the image, a Morton
+/// curve, so that 16 neighbours in the list are 4 by 4 pixels where none is missing.
 #[expect(clippy::cast_possible_truncation, reason = "peers decide in single precision")]
 pub(crate) fn rays(sweep: &RecordedSweep, extent: f64) -> Vec<(Narrow, Place)> {
     let mut rays = Vec::with_capacity(sweep.rays());
     let mut append = |b: usize, queries: Vec<(RayQuery, u32)>| {
-        let first = queries.iter().map(|(query, _)| query.ray_set.0).min().unwrap_or(0) / 256 * 256;
         let mut order: Vec<_> = (0..queries.len()).collect();
-        order.sort_by_key(|&i| (queries[i].0.slot, queries[i].1, morton(queries[i].0.ray_set.0 - first)));
+        order.sort_by_key(|&i| (queries[i].0.slot, queries[i].1, queries[i].0.ray_set.0));
         for i in order {
             let query = &queries[i].0;
             let leaves = query.originating.is_some();
@@ -104,12 +103,6 @@ pub(crate) fn rays(sweep: &RecordedSweep, extent: f64) -> Vec<(Narrow, Place)> {
         }
     }
     rays
-}
-
-/// The place of a pixel of a tile of 16 by 16, counted row by row, on a Morton curve.
-fn morton(pixel: u32) -> u32 {
-    let spread = |x: u32| (0..4).map(|bit| (x >> bit & 1) << (2 * bit)).sum::<u32>();
-    spread(pixel % 16) | spread(pixel / 16 % 16) << 1
 }
 
 /// What a peer said of a ray: distance and id of the hit, or whether something is between.
@@ -169,17 +162,5 @@ pub(crate) fn judge(
             });
         }
         _ => unreachable!("a worker answers what it was asked"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sixteen_neighbours_are_a_square() {
-        let mut first: Vec<_> = (0..256).filter(|pixel| morton(*pixel) < 16).collect();
-        first.sort_unstable();
-        assert_eq!(first, [0, 1, 2, 3, 16, 17, 18, 19, 32, 33, 34, 35, 48, 49, 50, 51]);
     }
 }

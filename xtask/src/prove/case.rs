@@ -72,7 +72,7 @@ impl Case<'_> {
                 PixelOrder::Scanline,
                 PixelOrder::Serpentine,
                 PixelOrder::Tiles(4),
-                PixelOrder::Tiles(16),
+                PixelOrder::Morton(16),
             ])),
             sweep: dice.pick(&[SweepLength::Rows(8), SweepLength::Rows(16), SweepLength::WholeImage]),
             bundle_len: Some(dice.pick(&[1, 7, 64, 1 << 16])),

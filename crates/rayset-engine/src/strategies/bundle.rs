@@ -66,9 +66,9 @@ impl IntersectionStrategy for Bundle<'_> {
         256
     }
 
-    /// Tiles of 16 x 16 pixels.
+    /// Tiles of 16 x 16 pixels, of which a packet of 16 rays is a square of 4 x 4.
     fn preferred_order(&self) -> PixelOrder {
-        PixelOrder::Tiles(16)
+        PixelOrder::Morton(16)
     }
 
     fn begin_sweep(&self, recording: Recording) -> Box<dyn Tracer + '_> {

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use rayset_engine::{
-    Answers, Generation, Hit, IntersectionStrategy, RayKind, RayQuery, RaySetIndex, RaySets,
+    Answers, Generation, Hit, IntersectionStrategy, PixelOrder, RayKind, RayQuery, RaySetIndex, RaySets,
     ShadowGeneration, ShadowQuery, Slot, Stats, Tracer, TreeOptions,
 };
 
@@ -14,6 +14,9 @@ const DEPTH: u32 = 3;
 
 /// The side of a tile, and the rows of a band: a tile is a bundle, a band is a sweep.
 const TILE: u32 = 16;
+
+/// The order of pixels: that of the default strategy.
+const ORDER: PixelOrder = PixelOrder::Morton(TILE);
 
 /// The rays of one kind at one depth; a light ray has the depth of the ray that hit the point it leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -118,8 +121,8 @@ impl RecordedPass {
 }
 
 impl Recording {
-    /// Grows the trees of a view with a strategy and keeps every ray and answer: a bundle is a tile of 16 x 16 pixels,
-    /// a sweep is a band of tiles. Nothing is cut off but by depth.
+    /// Grows the trees of a view with a strategy and keeps every ray and answer: a bundle is a tile of 16 x 16 pixels in the order of
+    /// a Morton curve, a sweep is a band of tiles. Nothing is cut off but by depth.
     #[must_use]
     pub fn of(strategy: &dyn IntersectionStrategy, view: &View) -> Self {
         let scene = strategy.scene();
@@ -128,6 +131,7 @@ impl Recording {
         let mut passes = Pass::ALL.map(|pass| RecordedPass { pass, sweeps: Vec::new() });
         let mut ray_sets = RaySets::default();
         let mut first = RaySetIndex(0);
+        let mut pixels = Vec::new();
         for top in (0..crop.height).step_by(TILE as usize) {
             let mut recorder = Recorder {
                 inner: strategy.begin_sweep(rayset_engine::Recording::Off),
@@ -136,15 +140,15 @@ impl Recording {
                     _ => RecordedSweep::Nearest(Vec::new()),
                 }),
             };
-            for left in (0..crop.width).step_by(TILE as usize) {
-                let bottom = (top + TILE).min(crop.height);
-                let right = (left + TILE).min(crop.width);
-                let rays = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y))).map(|(x, y)| {
+            pixels.clear();
+            ORDER.extend_with_pixels(&mut pixels, crop.width, top..(top + TILE).min(crop.height));
+            for tile in pixels.chunks((TILE * TILE) as usize) {
+                let rays = tile.iter().map(|&(x, y)| {
                     let place = |pixel: u32, first: u32| f64::from(first + pixel) + 0.5;
                     scene.camera().ray(place(x, crop.x), place(y, crop.y), view.image, view.image)
                 });
                 ray_sets.grow(scene, &mut recorder, first, rays, &options);
-                first.0 += (bottom - top) * (right - left);
+                first.0 += TILE * TILE;
             }
             for (pass, sweep) in passes.iter_mut().zip(recorder.sweeps) {
                 if !sweep.is_empty() {
@@ -211,7 +215,7 @@ impl Tracer for Recorder<'_> {
 
 #[cfg(test)]
 mod tests {
-    use rayset_engine::{Hierarchical, PixelOrder, RenderOptions, Standard, render};
+    use rayset_engine::{Hierarchical, RenderOptions, Standard, render};
     use rayset_scene::RandomSpheres;
 
     use super::*;
@@ -226,7 +230,7 @@ mod tests {
             height: 40,
             max_depth: DEPTH,
             cutoff: None,
-            order: Some(PixelOrder::Tiles(TILE)),
+            order: Some(ORDER),
             ..RenderOptions::default()
         };
         let counts = render(&Standard::new(&scene), &options).unwrap().counts;

@@ -1,0 +1,400 @@
+//! What holds the rays of one or several packets.
+//!
+//! A shaft holds all rays of its packets: the tree is traversed once, a node's boxes are tested against the shaft in one
+//! go, and so are the primitives of a leaf. A primitive that the shaft meets is tested against the shafts of all its
+//! packets in one go, and where it meets one, against all rays of that packet at a time. It is the paper's cylinder once
+//! more, built once for many rays and good for every box of the tree.
+//!
+//! Source: Reshetov, Soupikov and Hurley 2005, "Multi-level ray tracing algorithm", for traversal by a frustum; the
+//! form with one dominant axis is that of Boulos, Wald and Benthin 2008, "Adaptive ray packet reordering".
+
+use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
+
+use crate::frame::CullBox;
+use crate::node::{Child, Node};
+use crate::packet::Packet;
+
+/// How much of a direction must go along the common axis.
+const LEAST_ALONG: f32 = 0.2;
+/// A plane across the axis beyond the scene.
+const BEYOND: f32 = 2.0;
+/// How long a shaft is at least.
+const LEAST_LENGTH: f32 = 0.5;
+/// How far the shaft's lines are moved outwards, in units of a coordinate's rounding: for the line, and for its slope.
+pub const SHAFT_MARGIN: [f32; 2] = [160.0, 40.0];
+
+/// A line in the plane of the common axis and another: `at + slope z`.
+#[derive(Clone, Copy, Debug)]
+struct Line<S: Simd> {
+    at: S::F32,
+    slope: S::F32,
+}
+
+/// The lines through pairs of points at two planes, moved outwards: up (1) or down (-1).
+#[inline(always)]
+fn through<S: Simd>(
+    simd: S,
+    [near, far]: [f32; 2],
+    at_near: S::F32,
+    at_far: S::F32,
+    outwards: f32,
+    unit: f32,
+) -> Line<S> {
+    let slope = (at_far - at_near) * simd.splat_f32(1.0 / (far - near));
+    let [fixed, steep] = SHAFT_MARGIN;
+    let slack =
+        slope.abs().mul_add(simd.splat_f32(outwards * unit * steep), simd.splat_f32(outwards * unit * fixed));
+    Line { at: at_near - slope * simd.splat_f32(near) + slack, slope }
+}
+
+/// What holds all rays of some packets, and of each packet by itself.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shaft<S: Simd> {
+    /// Which axes play x, y and z, as in a shear.
+    pub(crate) axes: [usize; 3],
+    /// The rounding of a coordinate, of the worst ray.
+    pub(crate) unit: f32,
+    /// 1 if the rays go up the axis, else -1.
+    towards: f32,
+    /// Where the rays begin along the axis, times `towards`.
+    first: f32,
+    /// Above and below, for the x and y of the shear; and at which of a box's ends along the axis each is the worse.
+    lines: [[Line<S>; 2]; 2],
+    worse: [[usize; 2]; 2],
+    /// The same lines of each packet, a lane each.
+    of_each: [[Line<S>; 2]; 2],
+}
+
+impl<S: Simd> Shaft<S> {
+    /// The shaft of packets of the same rounding, whose factors it sets; `None` if none holds them.
+    #[inline(always)]
+    pub(crate) fn around<const W: usize>(simd: S, packets: &mut [Packet<S, W>], unit: f32) -> Option<Self> {
+        // The axis along which the first, a middle and the last ray go most.
+        let (start, middle, end) = (&packets[0], &packets[packets.len() / 2], &packets[packets.len() - 1]);
+        let mut sums = [0.0_f32; 3];
+        for (k, sum) in sums.iter_mut().enumerate() {
+            let (mut a, mut b, mut c) = ([0.0; W], [0.0; W], [0.0; W]);
+            start.direction[k].store(&mut a);
+            middle.direction[k].store(&mut b);
+            end.direction[k].store(&mut c);
+            *sum = a[0] + b[W / 2] + c[W - 1];
+        }
+        let mut z = usize::from(sums[1].abs() > sums[0].abs());
+        if sums[2].abs() > sums[z].abs() {
+            z = 2;
+        }
+        let towards = if sums[z] < 0.0 { -1.0_f32 } else { 1.0 };
+        // A mirrored axis would turn triangles round.
+        let (x, y) = if towards < 0.0 { ((z + 2) % 3, (z + 1) % 3) } else { ((z + 1) % 3, (z + 2) % 3) };
+        let signed = simd.splat_f32(towards);
+        let mut alongs = simd.splat_f32(1.0);
+        let mut firsts = simd.splat_f32(BEYOND);
+        let mut reaches = simd.splat_f32(-BEYOND);
+        for packet in packets.iter() {
+            let along = packet.direction[z] * signed;
+            let origin = packet.origin[z] * signed;
+            alongs = alongs.min(along);
+            firsts = firsts.min(origin);
+            reaches = reaches.max(packet.ends.mul_add(along, origin));
+        }
+        let first = firsts.least();
+        if !(alongs.least() >= LEAST_ALONG && BEYOND - first >= LEAST_LENGTH) {
+            return None;
+        }
+        // Beyond the farthest end no line is needed.
+        let last = reaches.greatest() + SHAFT_MARGIN[0] * unit;
+        let last = last.min(BEYOND).max(first + LEAST_LENGTH);
+        let (near, far) = (towards * first, towards * last);
+        let one = simd.splat_f32(1.0);
+        // Least and greatest, of x and y, near and far, of each packet; unused lanes are as the first.
+        let mut extremes = [[[[0.0_f32; W]; 2]; 2]; 2];
+        for (p, packet) in packets.iter_mut().enumerate() {
+            let inverse = one / packet.direction[z];
+            packet.factors = [packet.direction[x] * inverse, packet.direction[y] * inverse, inverse];
+            for (end, plane) in [near, far].into_iter().enumerate() {
+                let depth = simd.splat_f32(plane) - packet.origin[z];
+                for (side, axis) in [x, y].into_iter().enumerate() {
+                    let at = depth.mul_add(packet.factors[side], packet.origin[axis]);
+                    extremes[side][end][0][p] = at.greatest();
+                    extremes[side][end][1][p] = at.least();
+                }
+            }
+        }
+        for lanes in extremes.as_flattened_mut().as_flattened_mut() {
+            let value = lanes[0];
+            lanes[packets.len()..].fill(value);
+        }
+        let none = Line { at: one, slope: one };
+        let (mut lines, mut of_each, mut worse) = ([[none; 2]; 2], [[none; 2]; 2], [[0; 2]; 2]);
+        for side in 0..2 {
+            for (i, outwards) in [1.0, -1.0].into_iter().enumerate() {
+                let at_near = simd.load_f32(&extremes[side][0][i]);
+                let at_far = simd.load_f32(&extremes[side][1][i]);
+                of_each[side][i] = through(simd, [near, far], at_near, at_far, outwards, unit);
+                let (n, f) = if i == 0 {
+                    (at_near.greatest(), at_far.greatest())
+                } else {
+                    (at_near.least(), at_far.least())
+                };
+                let line = through(simd, [near, far], simd.splat_f32(n), simd.splat_f32(f), outwards, unit);
+                // The upper line is highest where z is largest if it rises; the lower one lowest where z is least.
+                let rises = (f - n) * (far - near) * outwards > 0.0;
+                worse[side][i] = if rises { 3 + z } else { z };
+                lines[side][i] = line;
+            }
+        }
+        Some(Self {
+            axes: [x, y, z],
+            unit,
+            towards,
+            first: first - SHAFT_MARGIN[0] * unit,
+            lines,
+            worse,
+            of_each,
+        })
+    }
+
+    /// How far along the axis any ray of a packet may still find something, times the sense of the axis.
+    #[inline(always)]
+    pub(crate) fn reach<const W: usize>(&self, simd: S, packet: &Packet<S, W>) -> f32 {
+        let z = self.axes[2];
+        let deepest =
+            packet.ends.mul_add(packet.direction[z], packet.origin[z]) * simd.splat_f32(self.towards);
+        (deepest.greatest() + SHAFT_MARGIN[0] * self.unit).min(BEYOND)
+    }
+
+    /// Which of several boxes the shaft meets, and how far along the axis each begins.
+    #[inline(always)]
+    fn meets(&self, simd: S, planes: &impl Planes<S>, reach: f32) -> (<S::F32 as Lanes>::Mask, S::F32) {
+        let [x, y, z] = self.axes;
+        let towards = simd.splat_f32(self.towards);
+        let (near, far) = if self.towards > 0.0 { (z, 3 + z) } else { (3 + z, z) };
+        let begin = planes.plane(simd, near) * towards;
+        let end = planes.plane(simd, far) * towards;
+        let mut met = end.ge(simd.splat_f32(self.first)) & begin.le(simd.splat_f32(reach));
+        for (side, axis) in [x, y].into_iter().enumerate() {
+            let [above, below] = &self.lines[side];
+            let [at_above, at_below] = self.worse[side];
+            let above = planes.plane(simd, at_above).mul_add(above.slope, above.at);
+            let below = planes.plane(simd, at_below).mul_add(below.slope, below.at);
+            met = met & planes.plane(simd, axis).le(above) & planes.plane(simd, 3 + axis).ge(below);
+        }
+        (met, begin)
+    }
+
+    /// Which packets may meet a box, of those that still reach it.
+    #[inline(always)]
+    pub(crate) fn packets_that_meet<const W: usize>(
+        &self,
+        simd: S,
+        [low, high]: [[f32; 3]; 2],
+        reaches: &[f32; W],
+    ) -> u32 {
+        let [x, y, z] = self.axes;
+        let begin = if self.towards > 0.0 { low[z] } else { -high[z] };
+        let mut met = simd.splat_f32(begin).le(simd.load_f32(reaches));
+        let (lower, upper) = (simd.splat_f32(low[z]), simd.splat_f32(high[z]));
+        for (side, axis) in [x, y].into_iter().enumerate() {
+            let [above, below] = &self.of_each[side];
+            let top = (lower * above.slope).max(upper * above.slope) + above.at;
+            let bottom = (lower * below.slope).min(upper * below.slope) + below.at;
+            met = met & simd.splat_f32(low[axis]).le(top) & simd.splat_f32(high[axis]).ge(bottom);
+        }
+        met.bits()
+    }
+
+    /// The children of a node that the shaft meets, pushed so that the nearest comes last; returns the new height.
+    #[inline(always)]
+    pub(crate) fn push_children<const W: usize>(
+        &self,
+        simd: S,
+        node: &Node<W>,
+        reach: f32,
+        stack: &mut [(Child, f32)],
+        height: usize,
+    ) -> usize {
+        let (met, begin) = self.meets(simd, node, reach);
+        let mut bits = met.bits();
+        if bits == 0 {
+            return height;
+        }
+        let mut begins = [0.0; W];
+        begin.store(&mut begins);
+        let base = height;
+        let mut height = height;
+        while bits != 0 {
+            let lane = bits.trailing_zeros() as usize % W;
+            bits &= bits - 1;
+            let entry = (Child(node.children[lane]), begins[lane]);
+            let mut place = height;
+            while place > base && stack[place - 1].1 < entry.1 {
+                stack[place] = stack[place - 1];
+                place -= 1;
+            }
+            stack[place] = entry;
+            height += 1;
+        }
+        height
+    }
+
+    /// The primitives of a block that the shaft meets.
+    #[inline(always)]
+    pub(crate) fn candidates(&self, simd: S, block: &impl Planes<S>, reach: f32) -> u32 {
+        self.meets(simd, block, reach).0.bits()
+    }
+
+    /// A vertex that is the same in every lane, sheared along each ray of a packet.
+    #[inline(always)]
+    pub(crate) fn shear<const W: usize>(
+        &self,
+        packet: &Packet<S, W>,
+        [vx, vy, vz]: [S::F32; 3],
+    ) -> [S::F32; 3] {
+        let [x, y, z] = self.axes;
+        let [sx, sy, _] = packet.factors;
+        let depth = vz - packet.origin[z];
+        [(vx - packet.origin[x]) - sx * depth, (vy - packet.origin[y]) - sy * depth, depth]
+    }
+}
+
+/// Boxes in lanes, by their six planes: lower x, y, z, then upper.
+pub(crate) trait Planes<S: Simd> {
+    /// A plane of every box.
+    fn plane(&self, simd: S, plane: usize) -> S::F32;
+}
+
+/// The boxes of primitives that no other block tells the boxes of.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct BoxBlock<const W: usize> {
+    planes: [[f32; W]; 6],
+}
+
+impl<const W: usize> BoxBlock<W> {
+    /// A block without boxes: no comparison with NaN holds.
+    pub(crate) const EMPTY: Self = Self { planes: [[f32::NAN; W]; 6] };
+
+    pub(crate) fn set(&mut self, lane: usize, bounds: &CullBox) {
+        for k in 0..3 {
+            self.planes[k][lane] = bounds.low[k];
+            self.planes[3 + k][lane] = bounds.high[k];
+        }
+    }
+
+    /// The box of a primitive.
+    #[inline(always)]
+    pub(crate) fn bounds(&self, lane: usize) -> [[f32; 3]; 2] {
+        let plane = |k: usize| self.planes[k][lane];
+        [[plane(0), plane(1), plane(2)], [plane(3), plane(4), plane(5)]]
+    }
+}
+
+impl<S: Simd, const W: usize> Planes<S> for BoxBlock<W> {
+    #[inline(always)]
+    fn plane(&self, simd: S, plane: usize) -> S::F32 {
+        simd.load_f32(&self.planes[plane])
+    }
+}
+
+impl<S: Simd, const W: usize> Planes<S> for Node<W> {
+    #[inline(always)]
+    fn plane(&self, simd: S, plane: usize) -> S::F32 {
+        simd.load_f32(&self.planes[plane])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rayset_geometry::glam::DVec3;
+    use rayset_geometry::{BoundingBox, unit};
+    use rayset_simd::{Backend, Kernel};
+
+    use super::*;
+    use crate::frame::Frame;
+    use crate::packet::{Approach, RayColumns, level};
+
+    /// One box, the same in every lane.
+    struct One(CullBox);
+
+    impl<S: Simd> Planes<S> for One {
+        fn plane(&self, simd: S, plane: usize) -> S::F32 {
+            simd.splat_f32(if plane < 3 { self.0.low[plane] } else { self.0.high[plane - 3] })
+        }
+    }
+
+    /// How many boxes that the outermost ray of a packet touches are said to be missed by the packet's shaft, and by the
+    /// packet's own lane of a shaft, if margins are multiplied by `factor`.
+    struct Grazing {
+        factor: f32,
+    }
+
+    impl Kernel for Grazing {
+        type Output = (usize, usize);
+
+        fn run<S: Simd>(self, simd: S) -> (usize, usize) {
+            if S::F32::LANES == 16 {
+                grazing::<S, 16>(simd, self.factor)
+            } else {
+                grazing::<S, 8>(simd, self.factor)
+            }
+        }
+    }
+
+    fn grazing<S: Simd, const W: usize>(simd: S, factor: f32) -> (usize, usize) {
+        let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
+        let (mut by_shaft, mut by_packet) = (0, 0);
+        for i in 0..3000 {
+            let at = |k: f64| (f64::from(i) * k).fract();
+            // Coordinates that single precision has exactly.
+            let exactly = |x: f64| (x * 1024.0).round() / 1024.0;
+            let eye = DVec3::new(3.0 * at(0.618_033_9) - 1.5, at(0.754_877_7) - 0.5, -1.2 - at(0.569_840_3));
+            let touched = DVec3::new(
+                exactly(1.4 * at(0.819_172_5) - 0.7),
+                exactly(at(0.671_043_6) - 0.5),
+                exactly(1.6 * at(0.549_700_4) - 0.8),
+            );
+            let mut columns: [Vec<f64>; 6] = Default::default();
+            for lane in 0..2 * W {
+                // The first touches; the others pass on the side of lower x, about as high.
+                let aside = 0.02 * (lane as f64) * (1.0 + at(0.320_471_1));
+                let target = touched - DVec3::new(aside, 0.3 * aside * (at(0.438_579_2) - 0.5), 0.0);
+                let direction = unit(target - eye).expect("they are apart");
+                for k in 0..3 {
+                    columns[k].push(eye[k]);
+                    columns[3 + k].push(direction[k]);
+                }
+            }
+            let (starts, ends) = (vec![0.0; 2 * W], vec![f64::INFINITY; 2 * W]);
+            let [ox, oy, oz, dx, dy, dz] = &columns;
+            let rays = RayColumns {
+                origins: [ox, oy, oz],
+                directions: [dx, dy, dz],
+                spans: (&starts, &ends),
+                left: &[],
+            };
+            let approach = Approach::of(&frame, &rays, 0..2 * W);
+            let mut packets =
+                [0, W].map(|first| Packet::<S, W>::new(simd, &frame, &rays, first, W, &approach));
+            let unit = level(simd, &frame, &mut packets, &approach).expect("they start nearby");
+            let Some(shaft) = Shaft::around(simd, &mut packets, factor * unit) else { continue };
+            // Flat across the axis, so that no end of the box is worse than the other.
+            let corner = touched + DVec3::new(0.1, 0.0, 0.0);
+            let (low, high) = (touched - 0.3 * DVec3::Y, corner + 0.3 * DVec3::Y);
+            let bounds = frame.cull_box(&BoundingBox { min: low, max: high });
+            let reaches: [f32; W] = std::array::from_fn(|_| BEYOND);
+            by_shaft += usize::from(shaft.candidates(simd, &One(bounds), BEYOND) & 1 == 0);
+            let met = shaft.packets_that_meet(simd, [bounds.low, bounds.high], &reaches);
+            by_packet += usize::from(met & 1 == 0);
+        }
+        (by_shaft, by_packet)
+    }
+
+    #[test]
+    fn shaft_margin_is_needed() {
+        for &backend in Backend::available() {
+            assert_eq!(backend.run(Grazing { factor: 1.0 }), (0, 0), "{backend}");
+            let (by_shaft, by_packet) = backend.run(Grazing { factor: 0.0 });
+            assert!(by_shaft > 100 && by_packet > 100, "{backend}: {by_shaft}, {by_packet}");
+        }
+    }
+}
