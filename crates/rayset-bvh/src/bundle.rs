@@ -8,20 +8,17 @@ use std::ops::Range;
 
 use rayset_simd::{Lanes, Part, Simd};
 
+use crate::descent::{Descent, OfPacket, OfTile};
 use crate::frame::Frame;
 use crate::hierarchy::{Hierarchy, Scratch, Wide, Width};
-use crate::node::Tree;
 use crate::packet::{Approach, Packet, RayColumns, level};
 use crate::shaft::Shaft;
 use crate::shapes::Hit;
-use crate::together::{Exact, Hidden, Nearest, Progress, Question};
+use crate::together::{Exact, Hidden, Nearest, Question};
 
-/// What a shaft may cost: of the steps that its rays would take alone, one in so many, where shafts have paid of late.
-const BUDGET_SHARE: u64 = 2;
-/// The same where they have not: they must pay well to be given time.
-const FIRST_SHARE: u64 = 4;
-/// What it costs to test a primitive against the rays of a packet, in steps.
-const PACKET_TEST_STEPS: u64 = 2;
+/// A shaft may take as many steps as its rays would take otherwise, where shafts have paid of late; where they have not,
+/// one in so many: they must pay well to be given time.
+const FIRST_SHARE: u64 = 2;
 /// What it costs to make a packet, in steps.
 const PACKET_STEPS: u64 = 2;
 /// Fewer rays than this are traced one by one.
@@ -49,6 +46,8 @@ struct Class {
     packets: Trial,
     /// Steps and number of the rays traced alone.
     alone: (u64, u64),
+    /// The same of those that packets were tried for, with what was given up.
+    packed: (u64, u64),
 }
 
 /// Whether a kind of shaft is worth trying.
@@ -86,12 +85,12 @@ impl Trial {
         self.wait == 0
     }
 
-    /// How many steps the next may take, whose rays would take some alone.
-    fn budget(&self, alone: u64) -> u64 {
-        alone / if self.saved > self.spent { BUDGET_SHARE } else { FIRST_SHARE }
+    /// How many steps the next may take, whose rays would take some otherwise.
+    fn budget(&self, otherwise: u64) -> u64 {
+        if self.saved > self.spent { otherwise } else { otherwise / FIRST_SHARE }
     }
 
-    /// Takes in what a shaft took, and what its rays would have taken alone if it has answered them.
+    /// Takes in what a shaft took, and what its rays would have taken otherwise if it has answered them.
     fn end(&mut self, spent: u64, saved: u64) {
         // What is long ago counts less and less.
         self.spent = self.spent / 8 * 7 + spent;
@@ -114,6 +113,20 @@ impl Class {
         }
         (rays as u64 * steps / alone).max(1)
     }
+
+    /// How many steps some rays would take without a shaft round all of them: in packets or alone.
+    fn steps_apart(&self, rays: usize) -> u64 {
+        let (steps, packed) = self.packed;
+        let alone = self.steps(rays);
+        (rays as u64 * steps).checked_div(packed).map_or(alone, |apart| apart.clamp(1, alone))
+    }
+
+    /// Whether to try a shaft round a whole tile.
+    fn wants_tile(&mut self) -> bool {
+        // After a first success packets are tried once, to know what they would take.
+        let is_known = self.packed.1 > 0 || self.tiles.saved == 0;
+        self.tiles.is_due() && is_known
+    }
 }
 
 impl Hierarchy {
@@ -123,7 +136,8 @@ impl Hierarchy {
         BundleScratch {
             single: self.scratch(),
             bundled: Bundled::default(),
-            classes: [Class { tiles: Trial::NEW, packets: Trial::NEW, alone: (0, 0) }; N_CLASSES],
+            classes: [Class { tiles: Trial::NEW, packets: Trial::NEW, alone: (0, 0), packed: (0, 0) };
+                N_CLASSES],
         }
     }
 
@@ -312,8 +326,10 @@ impl<const W: usize> Wide<W> {
         while first < range.end {
             let len = (range.end - first).min(W * W);
             let is_answered = suits && len >= LEAST_PACKET && {
-                let Class { tiles, packets, .. } = &mut scratch.classes[class];
-                let (try_tile, try_packets) = (len > W && tiles.is_due(), packets.wait <= len.div_ceil(W));
+                let known = &mut scratch.classes[class];
+                let try_tile = len > W && known.wants_tile();
+                let packets = &mut known.packets;
+                let try_packets = packets.wait <= len.div_ceil(W);
                 if try_tile || try_packets {
                     self.tile(simd, frame, rays, first, len, class, try_tile, &mut list, scratch);
                     true
@@ -383,18 +399,18 @@ impl<const W: usize> Wide<W> {
         let exact = Exact { shapes: &self.shapes, frame, rays };
         let mut is_done = false;
         if try_tile {
-            let alone = scratch.classes[class].steps(len);
+            let apart = scratch.classes[class].steps_apart(len);
             let mut spent = PACKET_STEPS * n as u64;
             if let Some(shaft) = Shaft::around(simd, &mut packets, unit) {
-                let budget = scratch.classes[class].tiles.budget(alone);
+                let budget = scratch.classes[class].tiles.budget(apart);
                 let (packets, asked, scratch) = (&mut packets[..], &mut asked[..], &mut scratch.single);
                 let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
                 let descent = Descent { shaft, packets, asked, tree, exact, budget, scratch };
                 let steps;
-                (is_done, steps) = simd.outline(descent);
+                (is_done, steps) = simd.outline(OfTile(descent));
                 spent += steps;
             }
-            scratch.classes[class].tiles.end(spent, if is_done { alone } else { 0 });
+            scratch.classes[class].tiles.end(spent, if is_done { apart } else { 0 });
         }
         if is_done {
             scratch.bundled.tiles += len as u64;
@@ -404,10 +420,10 @@ impl<const W: usize> Wide<W> {
             return;
         }
         for (packet, asked) in packets.iter_mut().zip(&mut asked) {
-            let mut is_done = false;
-            if packet.len >= LEAST_PACKET && scratch.classes[class].packets.is_due() {
-                let alone = scratch.classes[class].steps(packet.len);
-                let mut spent = PACKET_STEPS;
+            let (mut is_done, mut spent) = (false, PACKET_STEPS);
+            let alone = scratch.classes[class].steps(packet.len);
+            let is_tried = packet.len >= LEAST_PACKET && scratch.classes[class].packets.is_due();
+            if is_tried {
                 let packets = std::slice::from_mut(&mut *packet);
                 if let Some(shaft) = Shaft::around(simd, packets, unit) {
                     let budget = scratch.classes[class].packets.budget(alone);
@@ -415,7 +431,7 @@ impl<const W: usize> Wide<W> {
                     let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
                     let descent = Descent { shaft, packets, asked, tree, exact, budget, scratch };
                     let steps;
-                    (is_done, steps) = simd.outline(descent);
+                    (is_done, steps) = simd.outline(OfPacket(descent));
                     spent += steps;
                 }
                 scratch.classes[class].packets.end(spent, if is_done { alone } else { 0 });
@@ -426,6 +442,11 @@ impl<const W: usize> Wide<W> {
             } else {
                 let range = packet.first..packet.first + packet.len;
                 self.alone::<S, L, true>(simd, frame, rays, range, class, list, scratch);
+            }
+            if is_tried {
+                let (steps, rays) = &mut scratch.classes[class].packed;
+                *steps += spent + if is_done { 0 } else { alone };
+                *rays += packet.len as u64;
             }
         }
     }
@@ -444,60 +465,4 @@ impl<S: Simd, L: List, const W: usize, const KNOWN: bool> Part<S> for TraceAlone
     fn run(self, simd: S) {
         self.list.trace_alone::<S, W, KNOWN>(simd, self.alone, self.scratch);
     }
-}
-
-/// Takes packets through the tree under one shaft; whether they came to an end, and the steps spent.
-struct Descent<'a, S: Simd, Q, const W: usize> {
-    shaft: &'a Shaft<S>,
-    packets: &'a mut [Packet<S, W>],
-    asked: &'a mut [Q],
-    tree: &'a Tree<W>,
-    exact: &'a Exact<'a, W>,
-    /// How many steps it may take.
-    budget: u64,
-    scratch: &'a mut Scratch,
-}
-
-impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for Descent<'_, S, Q, W> {
-    type Output = (bool, u64);
-
-    #[inline(always)]
-    fn run(self, simd: S) -> (bool, u64) {
-        let Self { shaft, packets, asked, tree, exact, budget, scratch } = self;
-        let Scratch { stack, steps, primitive_tests } = scratch;
-        let stack = stack.together.as_mut_slice();
-        let mut progress = Progress::new(simd, shaft, packets);
-        let (mut height, mut nodes, mut leaves) = (0, 0, 0);
-        let mut current = tree.root;
-        let is_done = loop {
-            if current.is_leaf() {
-                leaves += 1;
-                exact.ask(simd, current.index(), shaft, packets, asked, &mut progress);
-            } else {
-                nodes += 1;
-                let node = &tree.nodes[current.index()];
-                height = shaft.push_children(simd, node, progress.reach, stack, height);
-            }
-            while height > 0 && stack[height - 1].1 > progress.reach {
-                height -= 1;
-            }
-            if height == 0 {
-                break true;
-            }
-            if spent(nodes, leaves, &progress) > budget {
-                break false;
-            }
-            height -= 1;
-            current = stack[height].0;
-        };
-        steps.nodes += nodes + progress.shaft_tests;
-        steps.leaves += leaves;
-        *primitive_tests += progress.ray_tests;
-        (is_done, spent(nodes, leaves, &progress))
-    }
-}
-
-/// The steps of a descent: nodes, leaves, and tests of primitives.
-fn spent<const W: usize>(nodes: u64, leaves: u64, progress: &Progress<W>) -> u64 {
-    nodes + leaves + progress.shaft_tests + PACKET_TEST_STEPS * progress.packet_tests + progress.exact_steps
 }

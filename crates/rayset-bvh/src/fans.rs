@@ -12,7 +12,6 @@ use crate::frame::Frame;
 use crate::interval::{DEPTH_MARGIN, Edges, LeafRay, TriangleBlock, VERTEX_MARGIN};
 use crate::packet::Packet;
 use crate::shaft::Shaft;
-use crate::together::SHEAR_SCALE;
 
 /// A polygon of more vertices is not tested as a fan: by its `f64` test alone it is as fast.
 const MOST_VERTICES: usize = 8;
@@ -110,13 +109,13 @@ impl<const W: usize> FanBlock<W> {
     ) -> (<S::F32 as Lanes>::Mask, S::F32) {
         let mut met = simd.mask_f32(0);
         let mut low = simd.splat_f32(f32::INFINITY);
-        let unit = SHEAR_SCALE * shaft.unit;
+        let unit = shaft.steepness * shaft.unit;
         for lane in 0..W {
             if self.lanes[lane] == 0 || u32::from(self.owners[lane]) != place {
                 continue;
             }
             let [a, b, c] = self.triangles.one(simd, lane, shaft.axes);
-            let [a, b, c] = [shaft.shear(packet, a), shaft.shear(packet, b), shaft.shear(packet, c)];
+            let [a, b, c] = [packet.shear(a), packet.shear(b), packet.shear(c)];
             let edges = Edges::of(simd, [[a[0], a[1]], [b[0], b[1]], [c[0], c[1]]], VERTEX_MARGIN * unit);
             let Edges { error, least, greatest, .. } = edges;
             met = met | least.ge(-error) | greatest.le(error);

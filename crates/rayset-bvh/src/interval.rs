@@ -349,10 +349,10 @@ pub(crate) struct Edges<S: Simd> {
 impl<S: Simd> Edges<S> {
     #[inline(always)]
     pub(crate) fn of(simd: S, [[ax, ay], [bx, by], [cx, cy]]: [[S::F32; 2]; 3], vertex_error: f32) -> Self {
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
-        let size = ax.abs().max(ay.abs()).max(bx.abs().max(by.abs())).max(cx.abs().max(cy.abs()));
+        let u = cx.mul_sub(by, cy * bx);
+        let v = ax.mul_sub(cy, ay * cx);
+        let w = bx.mul_sub(ay, by * ax);
+        let size = ax.max_abs(ay).max_abs(bx.max_abs(by)).max_abs(cx.max_abs(cy));
         // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
         let (first, second) = (8.0 * vertex_error, 4.0 * vertex_error * vertex_error);
         let error = size.mul_add(simd.splat_f32(first), simd.splat_f32(second));

@@ -21,6 +21,7 @@ mod batch;
 mod boxes;
 mod build;
 mod bundle;
+mod descent;
 mod duplicates;
 mod fans;
 mod frame;

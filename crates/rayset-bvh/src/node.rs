@@ -63,6 +63,13 @@ impl<const W: usize> Node<W> {
         }
         self.children[slot] = child.0;
     }
+
+    /// The box of a child.
+    #[inline(always)]
+    pub(crate) fn bounds(&self, slot: usize) -> [[f32; 3]; 2] {
+        let plane = |k: usize| self.planes[k][slot];
+        [[plane(0), plane(1), plane(2)], [plane(3), plane(4), plane(5)]]
+    }
 }
 
 /// A tree over leaves that somebody else keeps.

@@ -75,8 +75,9 @@ pub(crate) struct Packet<S: Simd, const W: usize> {
     advance: f64,
     pub(crate) origin: [S::F32; 3],
     pub(crate) direction: [S::F32; 3],
-    /// The shear along the axis of a shaft: `d_x / d_z`, `d_y / d_z` and `1 / d_z`.
+    /// The shear along the axis of a shaft, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`; and the origins, sheared.
     pub(crate) factors: [S::F32; 3],
+    pub(crate) sheared: [S::F32; 3],
     /// The spans, outwards and inwards; lanes without a ray have none.
     pub(crate) start: S::F32,
     pub(crate) start_above: S::F32,
@@ -87,6 +88,36 @@ pub(crate) struct Packet<S: Simd, const W: usize> {
     left: [u32; W],
     left_front: u32,
     leaves: bool,
+}
+
+/// What the distances of a packet's rays to planes across the axes are made of: `plane inverse + offset`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Slabs<S: Simd> {
+    inverse: [S::F32; 3],
+    /// For the lower planes, and the upper.
+    low: [S::F32; 3],
+    high: [S::F32; 3],
+}
+
+impl<S: Simd> Slabs<S> {
+    /// The rays that meet a box between where they start and end, and where they enter it, or nearer.
+    #[inline(always)]
+    pub(crate) fn enter(
+        &self,
+        simd: S,
+        [low, high]: [[f32; 3]; 2],
+        start: S::F32,
+        end: S::F32,
+    ) -> (<S::F32 as Lanes>::Mask, S::F32) {
+        let (mut near, mut far) = (start, end);
+        for k in 0..3 {
+            let a = simd.splat_f32(low[k]).mul_add(self.inverse[k], self.low[k]);
+            let b = simd.splat_f32(high[k]).mul_add(self.inverse[k], self.high[k]);
+            near = near.max(a.min(b));
+            far = far.min(a.max(b));
+        }
+        (near.le(far), near)
+    }
 }
 
 /// How rays that start far off are brought near before single precision sees them.
@@ -190,6 +221,7 @@ impl<S: Simd, const W: usize> Packet<S, W> {
             origin,
             direction,
             factors: [zero; 3],
+            sheared: [zero; 3],
             start: starts,
             start_above: starts,
             end_below: ends,
@@ -200,27 +232,21 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         }
     }
 
-    /// The rays that meet a box, and where they enter it, or nearer.
+    /// Prepares its rays for boxes, whose planes are moved outwards by [`SLAB_UNITS`] of a unit.
     #[inline(always)]
-    pub(crate) fn enter(
-        &self,
-        simd: S,
-        [low, high]: [[f32; 3]; 2],
-        unit: f32,
-    ) -> (<S::F32 as Lanes>::Mask, S::F32) {
-        let slack = SLAB_UNITS * unit;
+    pub(crate) fn slabs(&self, simd: S, unit: f32) -> Slabs<S> {
+        let slack = simd.splat_f32(SLAB_UNITS * unit);
         let least = simd.splat_f32(LEAST_COMPONENT);
         let (one, most) = (simd.splat_f32(1.0), simd.splat_f32(1.0 / LEAST_COMPONENT));
-        let (mut near, mut far) = (self.start, self.ends);
+        let zero = simd.splat_f32(0.0);
+        let mut slabs = Slabs { inverse: [zero; 3], low: [zero; 3], high: [zero; 3] };
         for k in 0..3 {
-            let direction = self.direction[k];
-            let inverse = (one / direction).select(direction.abs().ge(least), most);
-            let a = (simd.splat_f32(low[k] - slack) - self.origin[k]) * inverse;
-            let b = (simd.splat_f32(high[k] + slack) - self.origin[k]) * inverse;
-            near = near.max(a.min(b));
-            far = far.min(a.max(b));
+            let inverse = (one / self.direction[k]).select(self.direction[k].abs().ge(least), most);
+            slabs.inverse[k] = inverse;
+            slabs.low[k] = (zero - self.origin[k] - slack) * inverse;
+            slabs.high[k] = (slack - self.origin[k]) * inverse;
         }
-        (near.le(far), near)
+        slabs
     }
 
     /// The largest coordinate of each origin.
@@ -249,6 +275,13 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         let end_slack = self.ends.abs() * rounding + slack;
         self.end_below = self.end_below - end_slack;
         self.ends = self.ends + end_slack;
+    }
+
+    /// A vertex that is the same in every lane, its axes those of the shaft, sheared along each ray.
+    #[inline(always)]
+    pub(crate) fn shear(&self, [vx, vy, vz]: [S::F32; 3]) -> [S::F32; 3] {
+        let ([sx, sy, _], [ox, oy, oz]) = (self.factors, self.sheared);
+        [vz.mul_add(sx, vx) - ox, vz.mul_add(sy, vy) - oy, vz - oz]
     }
 
     /// The lanes that leave a primitive, as far as they may not hit its front, and not its back.

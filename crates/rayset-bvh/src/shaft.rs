@@ -10,14 +10,17 @@
 
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
+use crate::descent::Pending;
 use crate::frame::CullBox;
-use crate::node::{Child, Node};
+use crate::node::{Child, Node, Tree};
 use crate::packet::Packet;
 
 /// How much of a direction must go along the common axis.
 const LEAST_ALONG: f32 = 0.2;
 /// A plane across the axis beyond the scene.
 const BEYOND: f32 = 2.0;
+/// What makes up for the rounding of a shear's factors where they tell how steep it is.
+const STEEPNESS_MARGIN: f32 = 1.001;
 /// How long a shaft is at least.
 const LEAST_LENGTH: f32 = 0.5;
 /// How far the shaft's lines are moved outwards, in units of a coordinate's rounding: for the line, and for its slope.
@@ -54,6 +57,9 @@ pub(crate) struct Shaft<S: Simd> {
     pub(crate) axes: [usize; 3],
     /// The rounding of a coordinate, of the worst ray.
     pub(crate) unit: f32,
+    /// How much more a shear along the axis adds to errors than one along each ray's dominant axis: its largest factor,
+    /// and at least 1.
+    pub(crate) steepness: f32,
     /// 1 if the rays go up the axis, else -1.
     towards: f32,
     /// Where the rays begin along the axis, times `towards`.
@@ -106,13 +112,18 @@ impl<S: Simd> Shaft<S> {
         let last = last.min(BEYOND).max(first + LEAST_LENGTH);
         let (near, far) = (towards * first, towards * last);
         let one = simd.splat_f32(1.0);
+        let mut steepness = one;
         // Least and greatest, of x and y, near and far, of each packet; unused lanes are as the first.
         let mut extremes = [[[[0.0_f32; W]; 2]; 2]; 2];
         for (p, packet) in packets.iter_mut().enumerate() {
             let inverse = one / packet.direction[z];
-            packet.factors = [packet.direction[x] * inverse, packet.direction[y] * inverse, inverse];
+            let [sx, sy] = [-packet.direction[x] * inverse, -packet.direction[y] * inverse];
+            let [ox, oy, oz] = [packet.origin[x], packet.origin[y], packet.origin[z]];
+            packet.factors = [sx, sy, inverse];
+            packet.sheared = [sx.mul_add(oz, ox), sy.mul_add(oz, oy), oz];
+            steepness = steepness.max(sx.max_abs(sy));
             for (end, plane) in [near, far].into_iter().enumerate() {
-                let depth = simd.splat_f32(plane) - packet.origin[z];
+                let depth = packet.origin[z] - simd.splat_f32(plane);
                 for (side, axis) in [x, y].into_iter().enumerate() {
                     let at = depth.mul_add(packet.factors[side], packet.origin[axis]);
                     extremes[side][end][0][p] = at.greatest();
@@ -146,6 +157,7 @@ impl<S: Simd> Shaft<S> {
         Some(Self {
             axes: [x, y, z],
             unit,
+            steepness: steepness.greatest() * STEEPNESS_MARGIN,
             towards,
             first: first - SHAFT_MARGIN[0] * unit,
             lines,
@@ -208,12 +220,13 @@ impl<S: Simd> Shaft<S> {
     pub(crate) fn push_children<const W: usize>(
         &self,
         simd: S,
-        node: &Node<W>,
+        tree: &Tree<W>,
+        node: Child,
         reach: f32,
-        stack: &mut [(Child, f32)],
+        stack: &mut [Pending],
         height: usize,
     ) -> usize {
-        let (met, begin) = self.meets(simd, node, reach);
+        let (met, begin) = self.meets(simd, &tree.nodes[node.index()], reach);
         let mut bits = met.bits();
         if bits == 0 {
             return height;
@@ -223,11 +236,11 @@ impl<S: Simd> Shaft<S> {
         let base = height;
         let mut height = height;
         while bits != 0 {
-            let lane = bits.trailing_zeros() as usize % W;
+            let lane = bits.trailing_zeros();
             bits &= bits - 1;
-            let entry = (Child(node.children[lane]), begins[lane]);
+            let entry = Pending { node: node.0, lane, begin: begins[lane as usize % W] };
             let mut place = height;
-            while place > base && stack[place - 1].1 < entry.1 {
+            while place > base && stack[place - 1].begin < entry.begin {
                 stack[place] = stack[place - 1];
                 place -= 1;
             }
@@ -241,19 +254,6 @@ impl<S: Simd> Shaft<S> {
     #[inline(always)]
     pub(crate) fn candidates(&self, simd: S, block: &impl Planes<S>, reach: f32) -> u32 {
         self.meets(simd, block, reach).0.bits()
-    }
-
-    /// A vertex that is the same in every lane, sheared along each ray of a packet.
-    #[inline(always)]
-    pub(crate) fn shear<const W: usize>(
-        &self,
-        packet: &Packet<S, W>,
-        [vx, vy, vz]: [S::F32; 3],
-    ) -> [S::F32; 3] {
-        let [x, y, z] = self.axes;
-        let [sx, sy, _] = packet.factors;
-        let depth = vz - packet.origin[z];
-        [(vx - packet.origin[x]) - sx * depth, (vy - packet.origin[y]) - sy * depth, depth]
     }
 }
 

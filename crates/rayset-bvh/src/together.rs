@@ -13,8 +13,6 @@ use crate::shapes::{Hit, Run, Shapes};
 const PLACE_BITS: u32 = 4;
 /// No record.
 const NONE: u32 = u32::MAX;
-/// How much more a shear adds to errors whose axis has a fifth of the direction at least, and not half at least.
-pub(crate) const SHEAR_SCALE: f32 = 5.0;
 
 /// What the rays of a packet ask for, and the answers so far.
 pub(crate) trait Question<S: Simd, const W: usize>: Copy {
@@ -347,6 +345,11 @@ impl<const W: usize> Progress<W> {
         progress
     }
 
+    /// What the tests took, in steps, of which a test of a packet's rays counts several.
+    pub(crate) fn steps(&self, packet_test: u64) -> u64 {
+        self.shaft_tests + packet_test * self.packet_tests + self.exact_steps
+    }
+
     #[inline(always)]
     fn sum_up(&mut self) {
         self.reach = self.reaches[0];
@@ -404,12 +407,12 @@ impl<const W: usize> Shapes<W> {
             self.doubtful(simd, run, place, shaft, packet)
         } else {
             let [a, b, c] = self.triangle_block(run).one(simd, place as usize, shaft.axes);
-            let vertices = [shaft.shear(packet, a), shaft.shear(packet, b), shaft.shear(packet, c)];
+            let vertices = [packet.shear(a), packet.shear(b), packet.shear(c)];
             interval::triangle(
                 simd,
                 vertices,
                 packet.factors[2],
-                [shaft.unit, SHEAR_SCALE],
+                [shaft.unit, shaft.steepness],
                 &span,
                 front,
                 back,
@@ -428,7 +431,12 @@ impl<const W: usize> Shapes<W> {
         packet: &Packet<S, W>,
     ) -> Intervals<S> {
         let (none, high) = (simd.mask_f32(0), simd.splat_f32(f32::INFINITY));
-        let (mut possible, mut low) = packet.enter(simd, self.bounds(run, place as usize), shaft.unit);
+        let (mut possible, mut low) = packet.slabs(simd, shaft.unit).enter(
+            simd,
+            self.bounds(run, place as usize),
+            packet.start,
+            packet.ends,
+        );
         if possible.any() {
             if run.kind == PrimitiveKind::Cone {
                 let rays = (packet.origin, packet.direction);
@@ -549,10 +557,10 @@ mod tests {
             let mut block = TriangleBlock::<W>::EMPTY;
             block.set(0, corners.map(|corner| frame.point(corner).to_array()));
             let [a, b, c] = block.one(simd, 0, shaft.axes);
-            let vertices = [shaft.shear(packet, a), shaft.shear(packet, b), shaft.shear(packet, c)];
+            let vertices = [packet.shear(a), packet.shear(b), packet.shear(c)];
             let Packet { start, start_above, end_below, ends, .. } = *packet;
             let span = SpanLanes { start, start_above, end_below, ends };
-            let (all, margin) = (simd.mask_f32(u32::MAX), [factor * unit, SHEAR_SCALE]);
+            let (all, margin) = (simd.mask_f32(u32::MAX), [factor * unit, shaft.steepness]);
             let found = interval::triangle(simd, vertices, packet.factors[2], margin, &span, all, all);
             let (possible, sure) = (found.possible.bits() & 1 == 1, found.sure.bits() & 1 == 1);
             let probe = Probe::new(Scalar, &Ray::new(eye, direction), Span::FORWARD, true);

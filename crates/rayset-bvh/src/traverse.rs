@@ -2,6 +2,7 @@
 
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
+use crate::descent::Pending;
 use crate::interval::splat;
 use crate::node::{Child, Node, Tree};
 use crate::ray::CullRay;
@@ -31,14 +32,14 @@ pub(crate) struct Stack {
     /// The children alone, for who asks for no distances.
     children: Vec<u32>,
     /// The same of a packet, with distances along its axis.
-    pub(crate) together: Vec<(Child, f32)>,
+    pub(crate) together: Vec<Pending>,
 }
 
 impl Stack {
     /// A stack that no traversal of the tree can overflow.
     pub(crate) fn of<const W: usize>(tree: &Tree<W>) -> Self {
         let len = tree.depth * (W - 1) + W;
-        Self { entries: vec![0; len], children: vec![0; len + W], together: vec![(Child(0), 0.0); len] }
+        Self { entries: vec![0; len], children: vec![0; len + W], together: vec![Pending::default(); len] }
     }
 }
 

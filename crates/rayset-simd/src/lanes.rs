@@ -107,6 +107,12 @@ pub trait CullLanes: Lanes<Scalar = f32> {
     /// `self * factor + term`, rounded once or twice.
     #[must_use]
     fn mul_add(self, factor: Self, term: Self) -> Self;
+    /// `self * factor - term`, rounded once or twice.
+    #[must_use]
+    fn mul_sub(self, factor: Self, term: Self) -> Self;
+    /// The greater of the sizes of two numbers; what where one is NaN is not specified.
+    #[must_use]
+    fn max_abs(self, other: Self) -> Self;
     /// The least lane; which of several zeros, or what where one is NaN, is not specified.
     #[must_use]
     fn least(self) -> f32;

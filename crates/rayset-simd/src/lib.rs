@@ -4,7 +4,7 @@
 //! once for a whole list of rays.
 //! Every operation of [`Lanes`] is one IEEE 754 operation a lane: no lane is fused, approximate or
 //! reassociated, so a kernel gives the bits of its [`Scalar`] run on any backend.
-//! The one exception is [`CullLanes::mul_add`] of single precision, for kernels that only discard.
+//! The exceptions are [`CullLanes::mul_add`] and [`CullLanes::mul_sub`] of single precision, for kernels that only discard.
 //!
 //! ```
 //! use rayset_simd::{Backend, Kernel, Lanes, Simd};

@@ -150,6 +150,14 @@ impl CullLanes for F32x8 {
         self * factor + term
     }
     #[inline(always)]
+    fn mul_sub(self, factor: Self, term: Self) -> Self {
+        self * factor - term
+    }
+    #[inline(always)]
+    fn max_abs(self, other: Self) -> Self {
+        self.abs().max(other.abs())
+    }
+    #[inline(always)]
     fn least(self) -> f32 {
         self.0.into_iter().fold(f32::INFINITY, f32::min)
     }

@@ -86,12 +86,15 @@ impl Kernel for CullingOnly<'_> {
     fn run<S: Simd>(self, simd: S) {
         let n = S::F32::LANES;
         let (a, b) = (simd.load_f32(self.a), simd.load_f32(self.b));
-        let sum = a.mul_add(b, a);
-        for i in 0..n {
-            let exact = f64::from(self.a[i]) * f64::from(self.b[i]) + f64::from(self.a[i]);
-            let bound = f64::from(f32::EPSILON)
-                * (f64::from(self.a[i]) * f64::from(self.b[i])).abs().max(exact.abs());
-            assert!((f64::from(sum.lane(i)) - exact).abs() <= bound, "{} off {exact}", sum.lane(i));
+        let greater = a.max_abs(b);
+        for (fused, term) in [(a.mul_add(b, a), 1.0), (a.mul_sub(b, a), -1.0)] {
+            for i in 0..n {
+                let product = f64::from(self.a[i]) * f64::from(self.b[i]);
+                let exact = product + term * f64::from(self.a[i]);
+                let bound = f64::from(f32::EPSILON) * product.abs().max(exact.abs());
+                assert!((f64::from(fused.lane(i)) - exact).abs() <= bound, "{} off {exact}", fused.lane(i));
+                assert_eq!(greater.lane(i).to_bits(), self.a[i].abs().max(self.b[i].abs()).to_bits());
+            }
         }
         let fold = |f: fn(f32, f32) -> f32| self.a[1..n].iter().copied().fold(self.a[0], f);
         assert_eq!((a.least(), a.greatest()), (fold(f32::min), fold(f32::max)));

@@ -134,6 +134,17 @@ impl CullLanes for Avx2F32 {
     }
 
     #[inline(always)]
+    fn mul_sub(self, factor: Self, term: Self) -> Self {
+        // SAFETY: see `register_lanes`.
+        Self(unsafe { _mm256_fmsub_ps(self.0, factor.0, term.0) })
+    }
+
+    #[inline(always)]
+    fn max_abs(self, other: Self) -> Self {
+        self.abs().max(other.abs())
+    }
+
+    #[inline(always)]
     fn least(self) -> f32 {
         // SAFETY: see `register_lanes`. Halves, quarters, pairs.
         unsafe {

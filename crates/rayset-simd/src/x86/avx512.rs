@@ -88,6 +88,20 @@ impl CullLanes for Avx512F32 {
     }
 
     #[inline(always)]
+    fn mul_sub(self, factor: Self, term: Self) -> Self {
+        // SAFETY: see `register_lanes`.
+        Self(unsafe { _mm512_fmsub_ps(self.0, factor.0, term.0) })
+    }
+
+    #[inline(always)]
+    fn max_abs(self, other: Self) -> Self {
+        /// The greater size, its sign cleared.
+        const GREATER_SIZE: i32 = 0b1011;
+        // SAFETY: see `register_lanes`.
+        Self(unsafe { _mm512_range_ps::<GREATER_SIZE>(self.0, other.0) })
+    }
+
+    #[inline(always)]
     fn least(self) -> f32 {
         // SAFETY: see `register_lanes`.
         unsafe { _mm512_reduce_min_ps(self.0) }
