@@ -78,8 +78,8 @@ pub struct ShearedLanes<S: Simd> {
 }
 
 impl<S: Simd> ShearedLanes<S> {
-    /// Shears rays along the axes of one of them; gives also the lanes whose axes these are. The others are not sheared
-    /// as their [`Shear`] has it.
+    /// Shears rays along the axes of one of them; gives also the lanes whose axes these are. What the others hold is of no
+    /// use, nor need it be finite.
     #[must_use]
     #[inline(always)]
     pub fn along(
