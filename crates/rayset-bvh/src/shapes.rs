@@ -443,6 +443,11 @@ impl<const W: usize> Shapes<W> {
         &self.spheres[index as usize]
     }
 
+    #[inline(always)]
+    pub(crate) fn triangle(&self, index: u32) -> &Triangle {
+        &self.triangles[index as usize]
+    }
+
     /// The number of the primitive at a place of a run.
     #[inline(always)]
     pub(crate) fn number(&self, run: &Run, place: u32) -> u32 {

@@ -1,6 +1,6 @@
 //! What packets ask for, and the leaves that answer: one primitive against all rays of a packet.
 
-use rayset_geometry::{PrimitiveKind, RayLanes, Sides, Sphere};
+use rayset_geometry::{PrimitiveKind, RayLanes, Shear, ShearedLanes, Sides, Sphere, Triangle};
 use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::Frame;
@@ -135,86 +135,191 @@ impl<S: Simd> Nearest<S> {
         for (record, lane) in records.iter_mut().zip(lanes) {
             *record = lane.to_bits();
         }
-        let mut first = 0;
-        if !exact.shapes.is_only(PrimitiveKind::Triangle) {
-            while first < packet.len && packet.first + first + S::F64::LANES <= exact.rays.spans.0.len() {
-                exact.spheres(simd, packet, &records[first..], first, found);
-                first += S::F64::LANES;
-            }
-        }
+        let mut left = 0;
         for (lane, &record) in records.iter().enumerate().take(packet.len) {
-            if record != NONE && (lane >= first || exact.run_of(record).kind != PrimitiveKind::Sphere) {
-                found[lane] = exact.hit(packet.first + lane, record);
-                debug_assert!(found[lane].is_some(), "a sure hit is one");
+            left |= u32::from(record != NONE) << lane;
+        }
+        let mut first = 0;
+        while first < packet.len && packet.first + first + S::F64::LANES <= exact.rays.spans.0.len() {
+            let lanes = left >> first & (u32::MAX >> (32 - S::F64::LANES));
+            if lanes != 0 {
+                let records = &records[first..];
+                let pairs = Pairs::<S>::new(simd, exact.rays, packet.first + first);
+                let (spheres, triangles) = (PrimitiveKind::Sphere, PrimitiveKind::Triangle);
+                let mut answered = 0;
+                if !exact.shapes.is_only(triangles) {
+                    answered |= exact.spheres(simd, packet, &pairs, records, (first, lanes), found);
+                }
+                if !exact.shapes.is_only(spheres) {
+                    answered |= exact.triangles(simd, packet, &pairs, records, (first, lanes), found);
+                }
+                left &= !(answered << first);
             }
+            first += S::F64::LANES;
+        }
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize;
+            left &= left - 1;
+            found[lane] = exact.hit(packet.first + lane, records[lane]);
+            debug_assert!(found[lane].is_some(), "a sure hit is one");
         }
     }
 }
 
+/// Rays of which each is tested against a primitive of its own, a lane each.
+#[derive(Clone, Copy, Debug)]
+struct Pairs<S: Simd> {
+    rays: RayLanes<S>,
+    span: [S::F64; 2],
+}
+
+impl<S: Simd> Pairs<S> {
+    /// The rays of columns from a place on.
+    #[inline(always)]
+    fn new(simd: S, columns: &RayColumns<'_>, at: usize) -> Self {
+        let zero = simd.splat_f64(0.0);
+        let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
+        for k in 0..3 {
+            origin[k] = simd.load_f64(&columns.origins[k][at..]);
+            direction[k] = simd.load_f64(&columns.directions[k][at..]);
+        }
+        let (starts, ends) = columns.spans;
+        let span = [simd.load_f64(&starts[at..]).max(zero), simd.load_f64(&ends[at..])];
+        Self { rays: RayLanes { origin, direction }, span }
+    }
+}
+
+/// The lanes of pairs that were asked for and are tested, and those whose front and back may be hit.
+#[derive(Clone, Copy, Debug, Default)]
+struct Wanted {
+    lanes: u32,
+    front: u32,
+    back: u32,
+}
+
+impl Wanted {
+    /// Adds a lane that leaves its primitive, or not, and into its front.
+    #[inline(always)]
+    fn add(&mut self, lane: usize, run: &Run, (leaves, outwards): (bool, bool)) {
+        let never_again = if run.kind == PrimitiveKind::Triangle { leaves } else { outwards };
+        self.lanes |= 1 << lane;
+        self.front |= u32::from(run.sides != Sides::Back && !leaves) << lane;
+        self.back |= u32::from(run.sides != Sides::Front && !never_again) << lane;
+    }
+
+    /// Writes the hits of the lanes that were wanted; gives these.
+    #[inline(always)]
+    fn write<L: Lanes<Scalar = f64>, const W: usize>(
+        &self,
+        (is_hit, t): (L::Mask, L),
+        primitives: &[u32; W],
+        found: &mut [Option<Hit>],
+    ) -> u32 {
+        let mut hits = is_hit.bits() & self.lanes;
+        debug_assert_eq!(hits, self.lanes, "a sure hit is one");
+        let mut distances = [0.0; W];
+        t.store(&mut distances);
+        while hits != 0 {
+            let lane = hits.trailing_zeros() as usize;
+            hits &= hits - 1;
+            found[lane] = Some(Hit { t: distances[lane], primitive: primitives[lane] });
+        }
+        self.lanes
+    }
+}
+
 impl<const W: usize> Exact<'_, W> {
-    /// Of the rays of a packet from a lane on, as many as there are lanes, the exact hits of spheres.
+    /// Of some rays of a packet, counted from a lane on, the exact hits of spheres; gives the rays that have one.
     #[inline(always)]
     fn spheres<S: Simd>(
         &self,
         simd: S,
         packet: &Packet<S, W>,
+        pairs: &Pairs<S>,
         records: &[u32],
-        lane: usize,
+        (first, mut lanes): (usize, u32),
         found: &mut [Option<Hit>],
-    ) {
-        let n = S::F64::LANES.min(packet.len - lane);
+    ) -> u32 {
         let mut spheres = [[0.0; W]; 4];
         let mut primitives = [0; W];
-        let (mut front, mut back, mut wanted) = (0, 0, 0);
-        for (i, &record) in records[..n].iter().enumerate() {
-            if record == NONE {
-                continue;
-            }
-            let run = self.run_of(record);
+        let mut wanted = Wanted::default();
+        while lanes != 0 {
+            let i = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let run = self.run_of(records[i]);
             if run.kind != PrimitiveKind::Sphere {
                 continue;
             }
-            let place = record & ((1 << PLACE_BITS) - 1);
+            let place = records[i] & ((1 << PLACE_BITS) - 1);
             let sphere = self.shapes.sphere(run.first + place);
             primitives[i] = self.shapes.number(run, place);
             let [x, y, z] = sphere.center().to_array();
             for (column, value) in spheres.iter_mut().zip([x, y, z, sphere.radius()]) {
                 column[i] = value;
             }
-            wanted |= 1 << i;
-            let (leaves, outwards) = packet.leaves_from(lane + i, primitives[i]);
-            front |= u32::from(run.sides != Sides::Back && !leaves) << i;
-            back |= u32::from(run.sides != Sides::Front && !outwards) << i;
+            wanted.add(i, run, packet.leaves_from(first + i, primitives[i]));
         }
-        if wanted == 0 {
-            return;
-        }
-        let at = packet.first + lane;
-        let zero = simd.splat_f64(0.0);
-        let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
-        for k in 0..3 {
-            origin[k] = simd.load_f64(&self.rays.origins[k][at..]);
-            direction[k] = simd.load_f64(&self.rays.directions[k][at..]);
+        if wanted.lanes == 0 {
+            return 0;
         }
         let [x, y, z, radius] = &spheres;
         let center = [simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)];
-        let span =
-            [simd.load_f64(&self.rays.spans.0[at..]).max(zero), simd.load_f64(&self.rays.spans.1[at..])];
-        let (is_hit, t) = Sphere::intersect_pairs(
-            simd,
-            &RayLanes { origin, direction },
-            span,
-            (center, simd.load_f64(radius)),
-            (simd.mask_f64(front), simd.mask_f64(back)),
-        );
-        debug_assert_eq!(is_hit.bits() & wanted, wanted, "a sure hit is one");
-        let mut distances = [0.0; W];
-        t.store(&mut distances);
-        for i in 0..n {
-            if wanted & is_hit.bits() & 1 << i != 0 {
-                found[lane + i] = Some(Hit { t: distances[i], primitive: primitives[i] });
+        let sphere = (center, simd.load_f64(radius));
+        let sides = (simd.mask_f64(wanted.front), simd.mask_f64(wanted.back));
+        let hits = Sphere::intersect_pairs(simd, &pairs.rays, pairs.span, sphere, sides);
+        wanted.write(hits, &primitives, &mut found[first..])
+    }
+
+    /// The same for triangles, of the rays whose shear has the axes of the first.
+    #[inline(always)]
+    fn triangles<S: Simd>(
+        &self,
+        simd: S,
+        packet: &Packet<S, W>,
+        pairs: &Pairs<S>,
+        records: &[u32],
+        (first, mut lanes): (usize, u32),
+        found: &mut [Option<Hit>],
+    ) -> u32 {
+        let mut corners = [[[0.0; W]; 3]; 3];
+        let mut primitives = [0; W];
+        let mut wanted = Wanted::default();
+        while lanes != 0 {
+            let i = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let run = self.run_of(records[i]);
+            if run.kind != PrimitiveKind::Triangle {
+                continue;
+            }
+            let place = records[i] & ((1 << PLACE_BITS) - 1);
+            primitives[i] = self.shapes.number(run, place);
+            let vertices = self.shapes.triangle(run.first + place).vertices();
+            for (columns, vertex) in corners.iter_mut().zip(vertices) {
+                for (column, value) in columns.iter_mut().zip(vertex.to_array()) {
+                    column[i] = value;
+                }
+            }
+            wanted.add(i, run, packet.leaves_from(first + i, primitives[i]));
+        }
+        if wanted.lanes == 0 {
+            return 0;
+        }
+        let at = packet.first + first + wanted.lanes.trailing_zeros() as usize;
+        let [x, y, z] = self.rays.directions;
+        let axes = Shear::axes_of([x[at], y[at], z[at]]);
+        let (rays, is_alike) = ShearedLanes::along(simd, axes, &pairs.rays, pairs.span);
+        let is_alike = is_alike.bits();
+        wanted.lanes &= is_alike;
+        let zero = simd.splat_f64(0.0);
+        let mut vertices = [[zero; 3]; 3];
+        for (vertex, columns) in vertices.iter_mut().zip(&corners) {
+            for k in 0..3 {
+                vertex[k] = simd.load_f64(&columns[axes[k]]);
             }
         }
+        let sides = (simd.mask_f64(wanted.front & is_alike), simd.mask_f64(wanted.back & is_alike));
+        let hits = Triangle::intersect_pairs(simd, &rays, vertices, sides);
+        wanted.write(hits, &primitives, &mut found[first..])
     }
 }
 

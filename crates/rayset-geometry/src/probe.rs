@@ -1,6 +1,6 @@
 //! One ray prepared for testing many primitives in lanes.
 
-use rayset_simd::Simd;
+use rayset_simd::{Lanes, Simd};
 
 use crate::{Ray, Span};
 
@@ -44,7 +44,15 @@ impl Shear {
     #[inline]
     pub fn of(ray: &Ray) -> Self {
         let d = ray.direction().to_array();
-        let size = d.map(f64::abs);
+        let axes @ [x, y, z] = Self::axes_of(d);
+        Self { axes, factors: [d[x] / d[z], d[y] / d[z], 1.0 / d[z]] }
+    }
+
+    /// Which world axes play x, y and z for a direction.
+    #[must_use]
+    #[inline(always)]
+    pub fn axes_of(direction: [f64; 3]) -> [usize; 3] {
+        let size = direction.map(f64::abs);
         let z = if size[0] > size[1] {
             if size[0] > size[2] { 0 } else { 2 }
         } else if size[1] > size[2] {
@@ -52,12 +60,48 @@ impl Shear {
         } else {
             2
         };
-        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
-        if d[z] < 0.0 {
-            // A mirrored z axis would turn the triangles round.
-            std::mem::swap(&mut x, &mut y);
-        }
-        Self { axes: [x, y, z], factors: [d[x] / d[z], d[y] / d[z], 1.0 / d[z]] }
+        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
+        // A mirrored z axis would turn the triangles round.
+        if direction[z] < 0.0 { [y, x, z] } else { [x, y, z] }
+    }
+}
+
+/// Rays that are sheared along the same axes, a lane each.
+#[derive(Clone, Copy, Debug)]
+pub struct ShearedLanes<S: Simd> {
+    /// The coordinates of the origins, in the order of the axes.
+    pub origin: [S::F64; 3],
+    /// The factors of each ray's [`Shear`].
+    pub factors: [S::F64; 3],
+    /// Where the spans start and end.
+    pub span: [S::F64; 2],
+}
+
+impl<S: Simd> ShearedLanes<S> {
+    /// Shears rays along the axes of one of them; gives also the lanes whose axes these are. What the others hold is of no
+    /// use, nor need it be finite.
+    #[must_use]
+    #[inline(always)]
+    pub fn along(
+        simd: S,
+        [x, y, z]: [usize; 3],
+        rays: &RayLanes<S>,
+        span: [S::F64; 2],
+    ) -> (Self, <S::F64 as Lanes>::Mask) {
+        let RayLanes { origin, direction } = rays;
+        let size = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
+        // The comparisons of `Shear::axes_of`.
+        let (is_x, is_y) = (size[0].gt(size[1]) & size[0].gt(size[2]), size[1].gt(size[2]));
+        let is_dominant = match z {
+            0 => is_x,
+            1 => !size[0].gt(size[1]) & is_y,
+            _ => !is_x & !(!size[0].gt(size[1]) & is_y),
+        };
+        let is_mirrored = direction[z].lt(simd.splat_f64(0.0));
+        let is_alike = is_dominant & if x == (z + 1) % 3 { !is_mirrored } else { is_mirrored };
+        let (dx, dy, dz) = (direction[x], direction[y], direction[z]);
+        let factors = [dx / dz, dy / dz, simd.splat_f64(1.0) / dz];
+        (Self { origin: [origin[x], origin[y], origin[z]], factors, span }, is_alike)
     }
 }
 
@@ -107,10 +151,21 @@ impl<S: Simd> Probe<S> {
         self.span
     }
 
+    /// The same ray sheared, in every lane.
+    #[inline(always)]
+    pub(crate) fn sheared(&self) -> ShearedLanes<S> {
+        let (simd, Shear { axes: [x, y, z], factors }) = (self.simd, self.shear);
+        let origin = &self.lanes.origin;
+        ShearedLanes {
+            origin: [origin[x], origin[y], origin[z]],
+            factors: [simd.splat_f64(factors[0]), simd.splat_f64(factors[1]), simd.splat_f64(factors[2])],
+            span: [simd.splat_f64(self.span.start), simd.splat_f64(self.span.end)],
+        }
+    }
+
     /// The lanes in which `t` lies in the span.
     #[inline(always)]
-    pub(crate) fn in_span(&self, t: S::F64) -> <S::F64 as rayset_simd::Lanes>::Mask {
-        use rayset_simd::Lanes;
+    pub(crate) fn in_span(&self, t: S::F64) -> <S::F64 as Lanes>::Mask {
         t.gt(self.simd.splat_f64(self.span.start)) & t.lt(self.simd.splat_f64(self.span.end))
     }
 }

@@ -6,7 +6,9 @@ use rayset_simd::{LaneMask, Lanes, MAX_LANES, Scalar, Simd};
 use crate::crossing::Crossings;
 use crate::departure::Allowed;
 use crate::probe::map3;
-use crate::{BoundingSphere, PrimitiveKind, Probe, Side, Sides, compare_products, enclosing_sphere};
+use crate::{
+    BoundingSphere, PrimitiveKind, Probe, ShearedLanes, Side, Sides, compare_products, enclosing_sphere,
+};
 
 /// A triangle, in world space; its front is where its vertices go round counterclockwise.
 ///
@@ -109,74 +111,91 @@ pub(crate) fn intersect<S: Simd>(
     vertices: [[S::F64; 3]; 3],
     allowed: Allowed<S>,
 ) -> (<S::F64 as Lanes>::Mask, S::F64) {
-    let simd = probe.simd;
-    let zero = simd.splat_f64(0.0);
-    let axes = probe.shear.axes;
-    let [sx, sy, sz] = map3(probe.shear.factors, |factor| simd.splat_f64(factor));
-    let origin = [probe.lanes.origin[axes[0]], probe.lanes.origin[axes[1]], probe.lanes.origin[axes[2]]];
-    let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = map3(vertices, |vertex| {
-        let z = vertex[2] - origin[2];
-        [(vertex[0] - origin[0]) - sx * z, (vertex[1] - origin[1]) - sy * z, z]
-    });
-    let products = [(cx * by, cy * bx), (ax * cy, ay * cx), (bx * ay, by * ax)];
-    let [u, v, w] = map3(products, |(left, right)| left - right);
-    let mut negative = u.lt(zero) | v.lt(zero) | w.lt(zero);
-    let mut positive = u.gt(zero) | v.gt(zero) | w.gt(zero);
-    let doubtful = (u.eq(zero) | v.eq(zero) | w.eq(zero)) & !(negative & positive);
-    if doubtful.any() {
-        let edges = [(u, cx, by, cy, bx), (v, ax, cy, ay, cx), (w, bx, ay, by, ax)];
-        for lane in 0..S::F64::LANES {
-            if doubtful.bits() >> lane & 1 == 0 {
-                continue;
-            }
-            for (edge, a, b, c, d) in edges {
-                if edge.lane(lane).abs() > 0.0 {
+    let Allowed { front, back } = allowed;
+    Triangle::intersect_pairs(probe.simd, &probe.sheared(), vertices, (front, back))
+}
+
+impl Triangle {
+    /// Where rays meet triangles, a pair a lane: the lanes that are hit, and `t`; of the rays, how they are sheared, of
+    /// the triangles, coordinate `k` of vertex `v` in `vertices[v][k]`, in the order of the rays' axes, and the lanes
+    /// whose front and back may be hit, all of them with rays that have these axes.
+    ///
+    /// The arithmetic of [`Triangle::intersect`], and its bits.
+    #[must_use]
+    #[inline(always)]
+    pub fn intersect_pairs<S: Simd>(
+        simd: S,
+        rays: &ShearedLanes<S>,
+        vertices: [[S::F64; 3]; 3],
+        (front, back): (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
+    ) -> (<S::F64 as Lanes>::Mask, S::F64) {
+        let zero = simd.splat_f64(0.0);
+        let ShearedLanes { origin, factors: [sx, sy, sz], span: [start, end] } = *rays;
+        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = map3(vertices, |vertex| {
+            let z = vertex[2] - origin[2];
+            [(vertex[0] - origin[0]) - sx * z, (vertex[1] - origin[1]) - sy * z, z]
+        });
+        let products = [(cx * by, cy * bx), (ax * cy, ay * cx), (bx * ay, by * ax)];
+        let [u, v, w] = map3(products, |(left, right)| left - right);
+        let mut negative = u.lt(zero) | v.lt(zero) | w.lt(zero);
+        let mut positive = u.gt(zero) | v.gt(zero) | w.gt(zero);
+        // Not where nothing may be hit: lanes without a pair hold anything.
+        let doubtful = (u.eq(zero) | v.eq(zero) | w.eq(zero)) & !(negative & positive) & (front | back);
+        if doubtful.any() {
+            let edges = [(u, cx, by, cy, bx), (v, ax, cy, ay, cx), (w, bx, ay, by, ax)];
+            for lane in 0..S::F64::LANES {
+                if doubtful.bits() >> lane & 1 == 0 {
                     continue;
                 }
-                match compare_products(a.lane(lane), b.lane(lane), c.lane(lane), d.lane(lane)) {
-                    std::cmp::Ordering::Less => negative = negative | simd.mask_f64(1 << lane),
-                    std::cmp::Ordering::Greater => positive = positive | simd.mask_f64(1 << lane),
-                    std::cmp::Ordering::Equal => {}
+                for (edge, a, b, c, d) in edges {
+                    if edge.lane(lane).abs() > 0.0 {
+                        continue;
+                    }
+                    match compare_products(a.lane(lane), b.lane(lane), c.lane(lane), d.lane(lane)) {
+                        std::cmp::Ordering::Less => negative = negative | simd.mask_f64(1 << lane),
+                        std::cmp::Ordering::Greater => positive = positive | simd.mask_f64(1 << lane),
+                        std::cmp::Ordering::Equal => {}
+                    }
                 }
             }
         }
-    }
-    // The edge functions are positive when the vertices go round clockwise about the ray's direction, which is
-    // counterclockwise for the eye. Their exact signs count: all three may have rounded to zero.
-    let visible = (positive & !negative & allowed.front) | (negative & !positive & allowed.back);
-    if !visible.any() {
-        return (visible, zero);
-    }
-    let (a_depth, b_depth, c_depth) = (sz * az, sz * bz, sz * cz);
-    let determinant = u + v + w;
-    let t = (u * a_depth + v * b_depth + w * c_depth) / determinant;
-    let [u_size, v_size, w_size] = map3(products, |(left, right)| left.abs().max(right.abs()));
-    let depth_range = az.max(bz).max(cz) - az.min(bz).min(cz);
-    let depth_size = az.abs().max(bz.abs()).max(cz.abs());
-    // Of a triangle that is small for its distance, the products with depths may underflow before the weights do.
-    let numerator_size = determinant.abs() * depth_size;
-    let steady = ((u_size + v_size + w_size) * depth_range).lt(simd.splat_f64(STEADY) * numerator_size)
-        & determinant.abs().min(numerator_size).gt(simd.splat_f64(LEAST_DETERMINANT));
-    let unsteady = visible & !steady;
-    if !unsteady.any() {
-        return (visible & probe.in_span(t), t);
-    }
-    let mut t_lanes = [0.0; MAX_LANES];
-    t.store(&mut t_lanes);
-    let mut stored = [[0.0; MAX_LANES]; 9];
-    for (stored, value) in stored.iter_mut().zip([ax, ay, a_depth, bx, by, b_depth, cx, cy, c_depth]) {
-        value.store(stored);
-    }
-    for (lane, t) in t_lanes.iter_mut().enumerate().take(S::F64::LANES) {
-        if unsteady.bits() >> lane & 1 == 1 {
-            let vertex = |k: usize| std::array::from_fn(|axis| stored[3 * k + axis][lane]);
-            // NaN lies in no span.
-            let depth = Crossings::depth_in_triangle([vertex(0), vertex(1), vertex(2)]);
-            *t = depth.unwrap_or(f64::NAN);
+        // The edge functions are positive when the vertices go round clockwise about the ray's direction, which is
+        // counterclockwise for the eye. Their exact signs count: all three may have rounded to zero.
+        let visible = (positive & !negative & front) | (negative & !positive & back);
+        if !visible.any() {
+            return (visible, zero);
         }
+        let (a_depth, b_depth, c_depth) = (sz * az, sz * bz, sz * cz);
+        let determinant = u + v + w;
+        let t = (u * a_depth + v * b_depth + w * c_depth) / determinant;
+        let [u_size, v_size, w_size] = map3(products, |(left, right)| left.abs().max(right.abs()));
+        let depth_range = az.max(bz).max(cz) - az.min(bz).min(cz);
+        let depth_size = az.abs().max(bz.abs()).max(cz.abs());
+        // Of a triangle that is small for its distance, the products with depths may underflow before the weights do.
+        let numerator_size = determinant.abs() * depth_size;
+        let steady = ((u_size + v_size + w_size) * depth_range).lt(simd.splat_f64(STEADY) * numerator_size)
+            & determinant.abs().min(numerator_size).gt(simd.splat_f64(LEAST_DETERMINANT));
+        let unsteady = visible & !steady;
+        if !unsteady.any() {
+            return (visible & t.gt(start) & t.lt(end), t);
+        }
+        let mut t_lanes = [0.0; MAX_LANES];
+        t.store(&mut t_lanes);
+        let mut stored = [[0.0; MAX_LANES]; 9];
+        for (stored, value) in stored.iter_mut().zip([ax, ay, a_depth, bx, by, b_depth, cx, cy, c_depth]) {
+            value.store(stored);
+        }
+        for (lane, t) in t_lanes.iter_mut().enumerate().take(S::F64::LANES) {
+            if unsteady.bits() >> lane & 1 == 1 {
+                let vertex = |k: usize| std::array::from_fn(|axis| stored[3 * k + axis][lane]);
+                // NaN lies in no span.
+                let depth = Crossings::depth_in_triangle([vertex(0), vertex(1), vertex(2)]);
+                *t = depth.unwrap_or(f64::NAN);
+            }
+        }
+        let t = simd.load_f64(&t_lanes);
+        (visible & t.gt(start) & t.lt(end), t)
     }
-    let t = simd.load_f64(&t_lanes);
-    (visible & probe.in_span(t), t)
 }
 
 #[cfg(test)]

@@ -11,10 +11,10 @@ use proptest::test_runner::RngSeed;
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
     BoundingPlane, BoundingSphere, ColumnHit, ColumnRun, Cylinder, Departure, PARTITION_MARGIN, Primitive,
-    PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle, VolumeSet,
-    compare_products, enclosing_sphere, unit,
+    PrimitiveColumns, PrimitiveKind, Probe, Ray, RayLanes, Shear, ShearedLanes, Side, Sides, Span, Sphere,
+    Triangle, VolumeSet, compare_products, enclosing_sphere, unit,
 };
-use rayset_simd::{Backend, Kernel, Simd};
+use rayset_simd::{Backend, Kernel, LaneMask, Lanes, MAX_LANES, Simd};
 use surfaces::{distance_to_surface, is_convex, nearest_on_segment};
 
 fn config(cases: u32) -> ProptestConfig {
@@ -42,6 +42,88 @@ impl Kernel for HitsOfRun<'_> {
             self.columns.nearest(&probe, self.run, self.departure),
             self.columns.any(&probe, self.run, self.departure),
         ]
+    }
+}
+
+/// A triangle, a ray at it, and how it may be hit.
+#[derive(Clone, Debug)]
+struct Pair {
+    triangle: Triangle,
+    ray: Ray,
+    span: Span,
+    sides: Sides,
+    departure: Option<Side>,
+}
+
+impl Pair {
+    /// A span of the kind ends, or starts, exactly where the ray hits, if it does.
+    fn new(triangle: Triangle, ray: Ray, span: usize, sides: Sides, departure: Option<Side>) -> Self {
+        let t = Primitive::from(triangle).intersect(&ray, Span::FORWARD, Sides::Both, None).unwrap_or(1.0);
+        let span = match span {
+            0 => Span { end: t, ..Span::FORWARD },
+            1 => Span { start: t, ..Span::FORWARD },
+            2 => Span { start: 0.5 * t, end: 2.0 * t },
+            _ => Span::FORWARD,
+        };
+        Self { triangle, ray, span, sides, departure }
+    }
+
+    fn alone(&self) -> Option<f64> {
+        let Self { triangle, ray, span, sides, departure } = self;
+        Primitive::from(*triangle).intersect(ray, *span, *sides, *departure)
+    }
+}
+
+/// The hits of pairs, a lane each; those whose rays have the axes of the first of their lanes.
+struct HitsOfPairs<'a>(&'a [Pair]);
+
+impl Kernel for HitsOfPairs<'_> {
+    type Output = Vec<Option<Option<f64>>>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
+        let mut found = Vec::new();
+        for pairs in self.0.chunks(S::F64::LANES) {
+            let axes = Shear::of(&pairs[0].ray).axes;
+            // Lanes without a pair hold a triangle that any ray through the origin is in doubt about.
+            let (mut columns, mut sides) = ([[0.0; MAX_LANES]; 17], (0, 0));
+            for (lane, pair) in pairs.iter().enumerate() {
+                let vertices = pair.triangle.vertices().iter().flat_map(|v| axes.map(|axis| v[axis]));
+                let ray = [pair.ray.origin(), pair.ray.direction()].map(|v| v.to_array());
+                let span = [pair.span.start, pair.span.end];
+                let values = ray.into_iter().flatten().chain(span).chain(vertices);
+                for (column, value) in columns.iter_mut().zip(values) {
+                    column[lane] = value;
+                }
+                let may = |side| u32::from(pair.sides.include(side) && pair.departure.is_none()) << lane;
+                sides = (sides.0 | may(Side::Front), sides.1 | may(Side::Back));
+            }
+            let lanes = columns.map(|column| simd.load_f64(&column));
+            let [ox, oy, oz, dx, dy, dz, start, end, vertices @ ..] = lanes;
+            let [ax, ay, az, bx, by, bz, cx, cy, cz] = vertices;
+            let rays = RayLanes { origin: [ox, oy, oz], direction: [dx, dy, dz] };
+            let (rays, is_alike) = ShearedLanes::along(simd, axes, &rays, [start, end]);
+            let vertices = [[ax, ay, az], [bx, by, bz], [cx, cy, cz]];
+            let sides = (simd.mask_f64(sides.0) & is_alike, simd.mask_f64(sides.1) & is_alike);
+            let (is_hit, t) = Triangle::intersect_pairs(simd, &rays, vertices, sides);
+            found.extend((0..pairs.len()).map(|lane| {
+                let hit = (is_hit.bits() >> lane & 1 == 1).then(|| t.lane(lane));
+                (is_alike.bits() >> lane & 1 == 1).then_some(hit)
+            }));
+        }
+        found
+    }
+}
+
+/// How many `f64` lanes there are.
+struct Lanes64;
+
+impl Kernel for Lanes64 {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> usize {
+        S::F64::LANES
     }
 }
 
@@ -135,6 +217,42 @@ proptest! {
                 let [found, any] = backend.run(HitsOfRun { columns: &columns, ray: &ray, run: &run, departure });
                 prop_assert_eq!(bits(found), bits(nearest), "{} {:?}", backend, run);
                 prop_assert_eq!(bits(any), bits(hits.first().copied()), "{} {:?}", backend, run);
+            }
+        }
+    }
+
+    #[test]
+    fn triangles_in_lanes_with_rays_of_their_own_have_the_bits_of_each_alone(
+        pairs in prop::collection::vec((generators::any_triangle(), aim(), sides(), departure(), 0..6_usize), 1..=12),
+        along in prop::sample::select(vec![None, Some(DVec3::X), Some(DVec3::NEG_Y), Some(DVec3::Z)]),
+    ) {
+        let mut made = Vec::new();
+        for (triangle, aim, sides, departure, span) in pairs {
+            let ray = aimed(&triangle.into(), &aim)?;
+            // Mostly along one axis, so that lanes are alike; through the same point or nearly.
+            let ray = match along.and_then(|axis| unit(ray.direction() + 3.0 * axis)) {
+                None => ray,
+                Some(direction) => {
+                    let t = Primitive::from(triangle).intersect(&ray, Span::FORWARD, Sides::Both, None);
+                    let target = ray.at(t.unwrap_or(1.0));
+                    Ray::new(target - triangle.bounding_sphere().radius * direction, direction)
+                }
+            };
+            // One in three that leave.
+            let departure = if span < 4 { None } else { departure };
+            made.push(Pair::new(triangle, ray, span, sides, departure));
+        }
+        for backend in Backend::available() {
+            let found = backend.run(HitsOfPairs(&made));
+            let lanes = backend.run(Lanes64);
+            for (i, (pair, found)) in made.iter().zip(found).enumerate() {
+                let first = &made[i / lanes * lanes];
+                let is_alike = Shear::of(&pair.ray).axes == Shear::of(&first.ray).axes;
+                prop_assert_eq!(found.is_some(), is_alike, "{} {:?}", backend, pair);
+                if let Some(t) = found {
+                    let (t, alone) = (t.map(f64::to_bits), pair.alone().map(f64::to_bits));
+                    prop_assert_eq!(t, alone, "{} {:?}", backend, pair);
+                }
             }
         }
     }

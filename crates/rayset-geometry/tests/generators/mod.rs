@@ -103,6 +103,14 @@ pub(crate) fn any_primitive() -> impl Strategy<Value = Primitive> {
         .prop_flat_map(|(scale, center, size)| primitive(scale * center, scale * size))
 }
 
+/// A triangle, anywhere, at any scale.
+pub(crate) fn any_triangle() -> impl Strategy<Value = Triangle> {
+    let of = |primitive| if let Primitive::Triangle(triangle) = primitive { Some(triangle) } else { None };
+    (scale(), vector(), select(vec![1.0, 0.1, 1e-3]))
+        .prop_flat_map(|(scale, center, size)| triangle(scale * center, scale * size))
+        .prop_filter_map("no triangle", of)
+}
+
 /// A cone or cylinder, anywhere, at any scale.
 pub(crate) fn any_cone() -> impl Strategy<Value = Primitive> {
     (scale(), vector()).prop_flat_map(|(scale, center)| cone(scale * center, scale))
