@@ -3,7 +3,7 @@
 use rayset_geometry::{Primitive, PrimitiveColumns, Ray, Side, Sides, Span, Sphere, Triangle};
 use rayset_simd::{Backend, Kernel, Simd};
 
-use crate::{Hierarchy, Hit};
+use crate::{Hierarchy, Hit, RayList};
 
 /// What is asked about a ray of a list.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,11 +103,8 @@ impl Kernel for NearestBatch<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { hierarchy, queries, answers } = self;
-        let mut scratch = hierarchy.scratch();
         answers.reserve(queries.len());
-        for Query { ray, span, from } in queries {
-            answers.push(hierarchy.nearest_on(simd, ray, *span, *from, &mut scratch));
-        }
+        hierarchy.nearest_each(simd, &mut List { queries, answers }, &mut hierarchy.scratch());
     }
 }
 
@@ -122,10 +119,28 @@ impl Kernel for OccludedBatch<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { hierarchy, queries, answers } = self;
-        let mut scratch = hierarchy.scratch();
         answers.reserve(queries.len());
-        for Query { ray, span, from } in queries {
-            answers.push(hierarchy.occluded_on(simd, ray, *span, *from, &mut scratch));
-        }
+        hierarchy.occluded_each(simd, &mut List { queries, answers }, &mut hierarchy.scratch());
+    }
+}
+
+/// Queries and their answers.
+struct List<'a, A> {
+    queries: &'a [Query],
+    answers: &'a mut Vec<A>,
+}
+
+impl<A> RayList<A> for List<'_, A> {
+    #[inline(always)]
+    fn rays(&self) -> usize {
+        self.queries.len()
+    }
+    #[inline(always)]
+    fn ray(&self, i: usize) -> Query {
+        self.queries[i]
+    }
+    #[inline(always)]
+    fn answer(&mut self, answer: A) {
+        self.answers.push(answer);
     }
 }

@@ -4,8 +4,9 @@ use std::marker::PhantomData;
 
 use rayon::prelude::*;
 use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, Ray, Side, Sides, Span};
-use rayset_simd::{Backend, Kernel, Lanes, Simd};
+use rayset_simd::{Backend, Kernel, Lanes, Part, Simd};
 
+use crate::batch::Query;
 use crate::build::{Reference, build};
 use crate::duplicates::superfluous;
 use crate::fans::fan_len;
@@ -164,6 +165,40 @@ impl Hierarchy {
         }
     }
 
+    /// Answers rays one by one with their least hits, within a kernel that runs on the lanes the hierarchy was built for:
+    /// as [`Hierarchy::nearest_on`] does, but what kinds of primitives there are is asked once for all of them.
+    ///
+    /// # Panics
+    ///
+    /// If the lanes are others, or a ray leaves a primitive that does not exist.
+    #[inline(always)]
+    pub fn nearest_each<S: Simd>(
+        &self,
+        simd: S,
+        rays: &mut impl RayList<Option<Hit>>,
+        scratch: &mut Scratch,
+    ) {
+        match &self.width {
+            Width::Eight(wide) if S::F32::LANES == 8 => wide.each(simd, &self.frame, NearestHit, rays, scratch),
+            Width::Sixteen(wide) if S::F32::LANES == 16 => wide.each(simd, &self.frame, NearestHit, rays, scratch),
+            _ => panic!("a hierarchy runs on the lanes it was built for"),
+        }
+    }
+
+    /// Answers rays one by one whether they hit anything, as [`Hierarchy::nearest_each`].
+    ///
+    /// # Panics
+    ///
+    /// If the lanes are others, or a ray leaves a primitive that does not exist.
+    #[inline(always)]
+    pub fn occluded_each<S: Simd>(&self, simd: S, rays: &mut impl RayList<bool>, scratch: &mut Scratch) {
+        match &self.width {
+            Width::Eight(wide) if S::F32::LANES == 8 => wide.each(simd, &self.frame, AnyHit, rays, scratch),
+            Width::Sixteen(wide) if S::F32::LANES == 16 => wide.each(simd, &self.frame, AnyHit, rays, scratch),
+            _ => panic!("a hierarchy runs on the lanes it was built for"),
+        }
+    }
+
     /// The longest way from the root to a leaf, in nodes: at most 71, whatever the primitives are.
     #[must_use]
     pub fn depth(&self) -> usize {
@@ -179,6 +214,96 @@ impl Hierarchy {
         match &self.width {
             Width::Eight(wide) => wide.bytes(),
             Width::Sixteen(wide) => wide.bytes(),
+        }
+    }
+}
+
+/// Rays that are traced one by one, and where their answers go.
+///
+/// Mark the methods `#[inline(always)]`: they are called in the innermost loop, once a ray.
+pub trait RayList<A> {
+    /// How many rays there are.
+    fn rays(&self) -> usize;
+    /// A ray, the part of it that counts, and what it leaves.
+    fn ray(&self, i: usize) -> Query;
+    /// Takes the answer of the ray that was asked for last.
+    fn answer(&mut self, answer: A);
+}
+
+/// What is asked about rays.
+trait Question: Copy {
+    type Answer;
+    fn ask<S: Simd, C: Content, const W: usize>(
+        self,
+        simd: S,
+        wide: &Wide<W>,
+        frame: &Frame,
+        query: &Query,
+        scratch: &mut Scratch,
+    ) -> Self::Answer;
+}
+
+/// What is hit first.
+#[derive(Clone, Copy)]
+struct NearestHit;
+/// Whether anything is hit.
+#[derive(Clone, Copy)]
+struct AnyHit;
+
+impl Question for NearestHit {
+    type Answer = Option<Hit>;
+
+    #[inline(always)]
+    fn ask<S: Simd, C: Content, const W: usize>(
+        self,
+        simd: S,
+        wide: &Wide<W>,
+        frame: &Frame,
+        query: &Query,
+        scratch: &mut Scratch,
+    ) -> Option<Hit> {
+        let Query { ray, span, from } = query;
+        wide.nearest_of::<S, C>(simd, frame, ray, ahead(*span), *from, None, scratch)
+    }
+}
+
+impl Question for AnyHit {
+    type Answer = bool;
+
+    #[inline(always)]
+    fn ask<S: Simd, C: Content, const W: usize>(
+        self,
+        simd: S,
+        wide: &Wide<W>,
+        frame: &Frame,
+        query: &Query,
+        scratch: &mut Scratch,
+    ) -> bool {
+        let Query { ray, span, from } = query;
+        wide.occluded_of::<S, C>(simd, frame, ray, ahead(*span), *from, scratch)
+    }
+}
+
+/// A loop over rays, for one content: a function of its own, whose registers are not shared with other loops.
+struct Each<'a, C, Q, R, const W: usize> {
+    content: PhantomData<C>,
+    wide: &'a Wide<W>,
+    frame: &'a Frame,
+    question: Q,
+    rays: &'a mut R,
+    scratch: &'a mut Scratch,
+}
+
+impl<S: Simd, C: Content, Q: Question, R: RayList<Q::Answer>, const W: usize> Part<S> for Each<'_, C, Q, R, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        let Self { wide, frame, question, rays, scratch, .. } = self;
+        for i in 0..rays.rays() {
+            let query = rays.ray(i);
+            let answer = question.ask::<S, C, W>(simd, wide, frame, &query, scratch);
+            rays.answer(answer);
         }
     }
 }
@@ -235,6 +360,28 @@ impl<const W: usize> Wide<W> {
         let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, &references, &leaves);
         tree.relabel_leaves(&leaf_runs);
         Self { tree, shapes }
+    }
+
+    /// Answers rays one by one.
+    #[inline(always)]
+    fn each<S: Simd, Q: Question>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        question: Q,
+        rays: &mut impl RayList<Q::Answer>,
+        scratch: &mut Scratch,
+    ) {
+        if self.shapes.is_only(PrimitiveKind::Sphere) {
+            let content = PhantomData::<OnlySpheres>;
+            simd.outline(Each { content, wide: self, frame, question, rays, scratch });
+        } else if self.shapes.is_only(PrimitiveKind::Triangle) {
+            let content = PhantomData::<OnlyTriangles>;
+            simd.outline(Each { content, wide: self, frame, question, rays, scratch });
+        } else {
+            let content = PhantomData::<Anything>;
+            simd.outline(Each { content, wide: self, frame, question, rays, scratch });
+        }
     }
 
     /// The least of a ray's hits and one that is known.

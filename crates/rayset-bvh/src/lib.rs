@@ -39,7 +39,7 @@ pub use axes::AXIS_MARGIN;
 pub use batch::Query;
 pub use boxes::BoxHierarchy;
 pub use bundle::{BundleScratch, Bundled};
-pub use hierarchy::{Hierarchy, Scratch};
+pub use hierarchy::{Hierarchy, RayList, Scratch};
 pub use interval::{SPHERE_MARGIN, VERTEX_MARGIN};
 pub use packet::RayColumns;
 pub use ray::SLAB_MARGIN;

@@ -22,6 +22,9 @@ pub(crate) const HIT_MARGIN: f64 = 2.0 * rayset_geometry::PARTITION_MARGIN;
 /// An origin farther out than this is moved along the ray first; in units of culling space.
 const FAR: f64 = 4.0;
 
+/// What counts as the end of a span that has none: rounding infinity down would give NaN, which no hit lies before.
+const LAST: f64 = 1e38;
+
 /// Components of the direction of a smaller size count as this.
 pub(crate) const LEAST_COMPONENT: f32 = 1e-18;
 
@@ -87,7 +90,7 @@ impl CullRay {
             far: [0; 3],
             start: round_down(start - advance),
             start_above: round_up(start.max(0.0) - advance),
-            end_below: round_down(span.end * frame.scale - advance),
+            end_below: round_down((span.end * frame.scale - advance).min(LAST)),
             origin: origin_single,
             direction: direction_single,
             unit: ((1.0 + size) / 16_777_216.0 + hit_slack) as f32,
@@ -163,6 +166,16 @@ mod tests {
     fn slab_margin_is_needed() {
         assert_eq!(misses(1.0), 0);
         assert!(misses(0.0) > 100, "{}", misses(0.0));
+    }
+
+    #[test]
+    fn a_span_without_an_end_is_one() {
+        let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
+        let ray = Ray::new(DVec3::new(0.0, 0.0, -3.0), DVec3::Z);
+        let cull = CullRay::new(&frame, &ray, Span::FORWARD).expect("it hits");
+        // A hit is sure only if it surely lies before the end.
+        assert!(cull.end_below > 1e37, "{}", cull.end_below);
+        assert!(cull.end(Span::FORWARD.end) > f32::MAX);
     }
 
     #[test]

@@ -22,6 +22,13 @@ pub struct Steps {
     pub leaves: u64,
 }
 
+/// Lanes in memory.
+///
+/// Aligned, and so is then what the compiler keeps beside it: without anything that asks for it, the registers that a loop
+/// has no room for lie across the lines of the cache.
+#[repr(align(64))]
+struct Aligned<T>(T);
+
 /// What is still to visit: children, and where the ray enters them.
 ///
 /// An entry is a child in the lower half of a word, and in the upper the bits of a distance that is not negative: such
@@ -100,17 +107,18 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
                 }
                 // Clamped, and so is what it is compared with: a distance below zero sorts as zero.
                 let near = near.max(simd.splat_f32(0.0));
-                let mut entries = [0.0; W];
-                near.store(&mut entries);
+                let mut entries = Aligned([0.0; W]);
+                near.store(&mut entries.0);
+                let entries = &entries.0;
                 let second = bits.trailing_zeros() as usize % W;
                 bits &= bits - 1;
-                let (a, b) = (entry(node, &entries, first), entry(node, &entries, second));
+                let (a, b) = (entry(node, entries, first), entry(node, entries, second));
                 let (mut a, mut b) = (a.min(b), a.max(b));
                 // A third that is not there lies behind all others; what is pushed after it takes its place.
                 let third = bits.trailing_zeros() as usize % W;
                 let has_third = bits != 0;
                 bits &= bits.wrapping_sub(1);
-                let mut c = if has_third { entry(node, &entries, third) } else { u64::MAX };
+                let mut c = if has_third { entry(node, entries, third) } else { u64::MAX };
                 (b, c) = (b.min(c), b.max(c));
                 (a, b) = (a.min(b), a.max(b));
                 let base = height;
@@ -121,7 +129,7 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
                 while bits != 0 {
                     let lane = bits.trailing_zeros() as usize % W;
                     bits &= bits - 1;
-                    let other = entry(node, &entries, lane);
+                    let other = entry(node, entries, lane);
                     let (nearer, other) = (a.min(other), a.max(other));
                     a = nearer;
                     // Insertion into what this node has pushed, the nearest last.

@@ -5,7 +5,7 @@
 //!
 //! Source: Wald, Benthin and Boulos 2008, "Getting rid of packets", for wide nodes that one ray tests in lanes.
 
-use rayset_bvh::{Hierarchy, Scratch};
+use rayset_bvh::{Hierarchy, Query, RayList, Scratch};
 use rayset_geometry::{Ray, Sides, Span};
 use rayset_scene::{ObjectId, PrimitiveId, Scene, VolumeId};
 use rayset_simd::{Backend, Kernel, Lanes, Simd};
@@ -150,11 +150,27 @@ impl Tracer for HierarchicalTracer<'_> {
     }
 
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
-        self.hierarchy.backend().run(NearestBundle { tracer: self, generation, answers });
+        if self.recording == Recording::Off {
+            self.hierarchy.backend().run(NearestBundle { tracer: self, generation, answers });
+            return;
+        }
+        for i in 0..generation.len() {
+            let before = Before::of(self);
+            answers.values.push(self.nearest(&generation.query(i)));
+            before.record(self, &mut answers.work);
+        }
     }
 
     fn occluded_bundle(&mut self, generation: &ShadowGeneration, answers: &mut Answers<bool>) {
-        self.hierarchy.backend().run(OccludedBundle { tracer: self, generation, answers });
+        if self.recording == Recording::Off {
+            self.hierarchy.backend().run(OccludedBundle { tracer: self, generation, answers });
+            return;
+        }
+        for i in 0..generation.len() {
+            let before = Before::of(self);
+            answers.values.push(self.occluded(&generation.query(i)));
+            before.record(self, &mut answers.work);
+        }
     }
 }
 
@@ -201,16 +217,11 @@ impl Kernel for NearestBundle<'_, '_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { tracer, generation, answers } = self;
+        let HierarchicalTracer { hierarchy, objects, scratch, .. } = &mut *tracer;
         let columns = Columns::of(generation);
         answers.values.reserve(columns.slots.len());
-        for (i, from) in columns.originating.iter().enumerate() {
-            let before = Before::of(tracer);
-            answers.values.push(tracer.nearest_on(simd, &columns.ray(i), columns.span(i), from.as_ref()));
-            if tracer.recording == Recording::PerQuery {
-                tracer.count::<S>();
-            }
-            before.record(tracer, &mut answers.work);
-        }
+        let mut rays = NearestRays { columns, objects, answers: &mut answers.values };
+        hierarchy.nearest_each(simd, &mut rays, scratch);
         tracer.count::<S>();
     }
 }
@@ -226,16 +237,60 @@ impl Kernel for OccludedBundle<'_, '_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { tracer, generation, answers } = self;
+        let HierarchicalTracer { hierarchy, scratch, .. } = &mut *tracer;
         let columns = Columns::of(generation.rays());
         answers.values.reserve(columns.slots.len());
-        for (i, from) in columns.originating.iter().enumerate() {
-            let before = Before::of(tracer);
-            answers.values.push(tracer.occluded_on(simd, &columns.ray(i), columns.span(i), from.as_ref()));
-            if tracer.recording == Recording::PerQuery {
-                tracer.count::<S>();
-            }
-            before.record(tracer, &mut answers.work);
-        }
+        hierarchy.occluded_each(simd, &mut ShadowRays { columns, answers: &mut answers.values }, scratch);
         tracer.count::<S>();
+    }
+}
+
+/// A ray of a bundle.
+#[inline(always)]
+fn query_of(columns: &Columns<'_>, i: usize) -> Query {
+    let from = columns.originating[i].as_ref().map(|from| (from.primitive.0, from.side));
+    Query { ray: columns.ray(i), span: columns.span(i), from }
+}
+
+/// The rays of a bundle that ask for the nearest hit.
+struct NearestRays<'a> {
+    columns: Columns<'a>,
+    objects: &'a [ObjectId],
+    answers: &'a mut Vec<Option<Hit>>,
+}
+
+impl RayList<Option<rayset_bvh::Hit>> for NearestRays<'_> {
+    #[inline(always)]
+    fn rays(&self) -> usize {
+        self.columns.slots.len()
+    }
+    #[inline(always)]
+    fn ray(&self, i: usize) -> Query {
+        query_of(&self.columns, i)
+    }
+    #[inline(always)]
+    fn answer(&mut self, hit: Option<rayset_bvh::Hit>) {
+        self.answers.push(hit.map(|hit| hit_of(self.objects, hit)));
+    }
+}
+
+/// The rays of a bundle that ask whether anything is between.
+struct ShadowRays<'a> {
+    columns: Columns<'a>,
+    answers: &'a mut Vec<bool>,
+}
+
+impl RayList<bool> for ShadowRays<'_> {
+    #[inline(always)]
+    fn rays(&self) -> usize {
+        self.columns.slots.len()
+    }
+    #[inline(always)]
+    fn ray(&self, i: usize) -> Query {
+        query_of(&self.columns, i)
+    }
+    #[inline(always)]
+    fn answer(&mut self, is_hit: bool) {
+        self.answers.push(is_hit);
     }
 }
