@@ -19,6 +19,8 @@ use crate::together::{Exact, Hidden, Nearest, Question};
 /// A shaft may take as many steps as its rays would take otherwise, where shafts have paid of late; where they have not,
 /// one in so many: they must pay well to be given time.
 const FIRST_SHARE: u64 = 2;
+/// How often a packet may take what its rays would take alone: what is given up late has cost that too.
+const PATIENCE: u64 = 2;
 /// What it costs to make a packet, in steps.
 const PACKET_STEPS: u64 = 2;
 /// Fewer rays than this are traced one by one.
@@ -426,7 +428,7 @@ impl<const W: usize> Wide<W> {
             if is_tried {
                 let packets = std::slice::from_mut(&mut *packet);
                 if let Some(shaft) = Shaft::around(simd, packets, unit) {
-                    let budget = scratch.classes[class].packets.budget(alone);
+                    let budget = scratch.classes[class].packets.budget(PATIENCE * alone);
                     let (asked, scratch) = (std::slice::from_mut(&mut *asked), &mut scratch.single);
                     let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
                     let descent = Descent { shaft, packets, asked, tree, exact, budget, scratch };

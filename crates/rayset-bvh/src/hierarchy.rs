@@ -179,8 +179,12 @@ impl Hierarchy {
         scratch: &mut Scratch,
     ) {
         match &self.width {
-            Width::Eight(wide) if S::F32::LANES == 8 => wide.each(simd, &self.frame, NearestHit, rays, scratch),
-            Width::Sixteen(wide) if S::F32::LANES == 16 => wide.each(simd, &self.frame, NearestHit, rays, scratch),
+            Width::Eight(wide) if S::F32::LANES == 8 => {
+                wide.each(simd, &self.frame, NearestHit, rays, scratch)
+            }
+            Width::Sixteen(wide) if S::F32::LANES == 16 => {
+                wide.each(simd, &self.frame, NearestHit, rays, scratch)
+            }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
     }
@@ -194,7 +198,9 @@ impl Hierarchy {
     pub fn occluded_each<S: Simd>(&self, simd: S, rays: &mut impl RayList<bool>, scratch: &mut Scratch) {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => wide.each(simd, &self.frame, AnyHit, rays, scratch),
-            Width::Sixteen(wide) if S::F32::LANES == 16 => wide.each(simd, &self.frame, AnyHit, rays, scratch),
+            Width::Sixteen(wide) if S::F32::LANES == 16 => {
+                wide.each(simd, &self.frame, AnyHit, rays, scratch)
+            }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
     }
@@ -294,7 +300,9 @@ struct Each<'a, C, Q, R, const W: usize> {
     scratch: &'a mut Scratch,
 }
 
-impl<S: Simd, C: Content, Q: Question, R: RayList<Q::Answer>, const W: usize> Part<S> for Each<'_, C, Q, R, W> {
+impl<S: Simd, C: Content, Q: Question, R: RayList<Q::Answer>, const W: usize> Part<S>
+    for Each<'_, C, Q, R, W>
+{
     type Output = ();
 
     #[inline(always)]
