@@ -147,6 +147,12 @@ fn narrow<const N: usize>(lanes: &mut [f32; N], column: &[f64], first: usize, fl
     }
 }
 
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "peers decide in single precision")]
+fn narrow_four([a, b, c, d]: [f64; 4]) -> [f32; 4] {
+    [a as f32, b as f32, c as f32, d as f32]
+}
+
 /// Copies lanes into a column, as many as it holds.
 #[inline(always)]
 fn read<const N: usize, T: Copy>(rest: &mut [T], lanes: &[T; N]) {
@@ -161,6 +167,10 @@ fn read<const N: usize, T: Copy>(rest: &mut [T], lanes: &[T; N]) {
 impl<const N: usize> RayHit<N> {
     #[inline(always)]
     fn fill(&mut self, rays: &Columns<'_>, first: usize) {
+        if N == 1 {
+            self.fill_one(rays, first);
+            return;
+        }
         for k in 0..3 {
             narrow(&mut self.origin[k], rays.origins[k], first, f64::NEG_INFINITY);
             narrow(&mut self.direction[k], rays.directions[k], first, f64::NEG_INFINITY);
@@ -168,6 +178,22 @@ impl<const N: usize> RayHit<N> {
         narrow(&mut self.start, rays.spans[0], first, rays.floor);
         narrow(&mut self.end, rays.spans[1], first, f64::NEG_INFINITY);
         // What else Embree reads, it does not write.
+        self.geometry = [INVALID; N];
+    }
+
+    /// All is read before anything is written, so that four numbers are written at a time: Embree reads four at a time,
+    /// and would wait long for stores of single numbers.
+    #[inline(always)]
+    fn fill_one(&mut self, rays: &Columns<'_>, i: usize) {
+        let Columns { origins: [ox, oy, oz], directions: [dx, dy, dz], spans: [starts, ends], floor } = *rays;
+        let start = if starts[i] > floor { starts[i] } else { floor };
+        let (origin, direction) = ([ox[i], oy[i], oz[i], start], [dx[i], dy[i], dz[i], 0.0]);
+        let [end, ..] = narrow_four([ends[i]; 4]);
+        let [x, y, z, start] = narrow_four(origin);
+        [self.origin[0][0], self.origin[1][0], self.origin[2][0], self.start[0]] = [x, y, z, start];
+        let [x, y, z, time] = narrow_four(direction);
+        [self.direction[0][0], self.direction[1][0], self.direction[2][0], self.time[0]] = [x, y, z, time];
+        self.end[0] = end;
         self.geometry = [INVALID; N];
     }
 

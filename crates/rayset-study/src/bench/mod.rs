@@ -40,7 +40,7 @@ pub struct BenchPlan {
 pub const MOST_TESTS_PER_RAY: f64 = 4096.0;
 
 /// How many times slower than the fastest a contender may be for all rays of a frame, the first time, to be asked again.
-pub const SLOW: f64 = 10.0;
+pub const SLOW: f64 = 5.0;
 
 /// What was measured, and on which machine.
 #[derive(Clone, Debug, Serialize)]
@@ -72,6 +72,8 @@ pub struct BenchRow {
     pub spheres: Option<u32>,
     /// How many primitives there are.
     pub primitives: usize,
+    /// How often each list was answered by each contender: less often than elsewhere where that takes long.
+    pub repetitions: usize,
     /// The lists of rays.
     pub passes: Vec<PassRow>,
     /// Who answered them, in the order of the run.

@@ -39,13 +39,13 @@ impl Bench {
              the number after a kind is the depth. \
              A strategy is skipped where it needs more than {:.0} tests for a ray of a small sample; \
              who takes more than {SLOW} times what the fastest takes to warm up is not asked again, \
-             and that one time stands for all.\n",
+             and that one time stands for all. Rows that take long have fewer runs, as they say.\n",
             self.most_tests_per_ray
         );
         self.write_overview(&mut text);
         self.write_comparisons(&mut text);
         for row in &self.rows {
-            write_row(&mut text, row);
+            write_row(&mut text, row, *repetitions);
         }
         text
     }
@@ -94,7 +94,7 @@ fn entry(spread: &Spread) -> String {
 }
 
 /// Nanoseconds a ray, list by list.
-fn write_row(text: &mut String, row: &BenchRow) {
+fn write_row(text: &mut String, row: &BenchRow, usual: usize) {
     let BenchRow { scene, view, primitives, passes, contenders, skipped, .. } = row;
     let _ = write!(text, "### {scene}, {view}: {primitives} primitives, nanoseconds a ray\n\n| |");
     cells(text, passes.iter().map(|pass| pass.name.clone()));
@@ -116,6 +116,9 @@ fn write_row(text: &mut String, row: &BenchRow) {
     }
     let once: Vec<_> =
         contenders.iter().filter(|row| row.once).map(|row| format!("`{}`", row.name)).collect();
+    if row.repetitions != usual {
+        let _ = writeln!(text, "Runs: {}.\n", row.repetitions);
+    }
     if !once.is_empty() {
         let _ = writeln!(text, "Asked once, being slow: {}.\n", once.join(", "));
     }

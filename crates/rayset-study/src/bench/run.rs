@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use cpu_time::ThreadTime;
 use rayset_engine::{Backend, StrategyKind};
@@ -16,6 +16,11 @@ use super::{
 };
 use crate::coherence::processor;
 use crate::{Spread, StudyError};
+
+/// How long all may take to warm up, and what part of the repetitions those rows get that take longer: they are large, and
+/// vary little.
+const LONG: Duration = Duration::from_secs(8);
+const FEWER: usize = 3;
 
 /// Binds contenders beside the strategies to a scene, and says why others are left out.
 pub(super) type Others<'o> =
@@ -101,7 +106,12 @@ fn measure(
     let mut disagreements = vec![Disagreements::default(); contenders.len()];
     let mut warming = vec![vec![0.0; contenders.len()]; recording.passes.len()];
     let mut once = vec![false; contenders.len()];
+    let mut repetitions = plan.repetitions;
+    let start = Instant::now();
     for repetition in 0..=plan.repetitions {
+        if repetition > repetitions {
+            break;
+        }
         for (p, pass) in recording.passes.iter().enumerate() {
             for turn in 0..contenders.len() {
                 // Another one goes first each time, so that nobody always follows the same neighbour.
@@ -128,6 +138,10 @@ fn measure(
             }
         }
         if repetition == 0 {
+            if start.elapsed() > LONG {
+                repetitions = plan.repetitions.div_ceil(FEWER);
+                times.truncate(repetitions);
+            }
             once = far_behind(&warming);
             // What warmed up is all there is of these.
             for times in &mut times {
@@ -165,6 +179,7 @@ fn measure(
         view: view.name(),
         spheres: None,
         primitives: scene.n_primitives(),
+        repetitions,
         passes: passes.collect(),
         contenders: rows.collect(),
         skipped,

@@ -161,6 +161,7 @@ mod tests {
             view: "b".to_owned(),
             spheres: None,
             primitives: 1,
+            repetitions: 1,
             passes: vec![pass("initial 1"), pass("shadow 1")],
             contenders: vec![
                 contender("hierarchical", "rayset", [10.0, 20.0]),
