@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use rayset_study::{Contender, Disagreements, RecordedSweep, Worker};
 
+use crate::converted::Converting;
 use crate::ffi::{self, Aligned64, Context, Handle, Packet, RayHit1, RayHit8, RayHit16};
 use crate::parts::{Parts, Place, Said, judge, rays};
 
@@ -145,20 +146,47 @@ pub(crate) struct Mode {
     lanes: usize,
     coherent: bool,
     robust: bool,
+    /// Whether rays are converted within the clock.
+    converted: bool,
     extent: f64,
+}
+
+impl Mode {
+    pub(crate) fn extent(&self) -> f64 {
+        self.extent
+    }
+
+    /// A committed scene that lives as long as this.
+    pub(crate) fn scene(&self) -> Handle {
+        self.embree.scene
+    }
+
+    pub(crate) fn context(&self) -> Context {
+        let flags = if self.coherent { ffi::COHERENT } else { 0 };
+        Context { flags, filter: std::ptr::null(), instance: ffi::INVALID }
+    }
+
+    /// Distance and id of what a packet's answer says is hit.
+    pub(crate) fn found(&self, (end, geometry, primitive): (f32, u32, u32)) -> Option<(f32, u32)> {
+        self.embree.ids.get(geometry as usize).map(|ids| (end, ids[primitive as usize]))
+    }
 }
 
 /// All ways to ask a scene that is robust or not.
 pub(crate) fn modes(embree: &Arc<Embree>, robust: bool, extent: f64) -> Vec<Mode> {
     // The flag for coherent rays changes nothing for single ones.
-    [(1, false), (8, false), (8, true), (16, false), (16, true)]
-        .map(|(lanes, coherent)| {
-            let mut name = format!("embree {lanes}");
-            name.push_str(if coherent { " coherent" } else { "" });
-            name.push_str(if robust { " robust" } else { "" });
-            Mode { name, embree: Arc::clone(embree), lanes, coherent, robust, extent }
-        })
-        .into()
+    let ready = [(1, false), (8, false), (8, true), (16, false), (16, true)];
+    let converted: &[(usize, bool)] = if robust { &[] } else { &[(1, false), (16, false), (16, true)] };
+    let ready = ready.iter().map(|mode| (mode, false));
+    let all = ready.chain(converted.iter().map(|mode| (mode, true)));
+    all.map(|(&(lanes, coherent), converted)| {
+        let mut name = format!("embree {lanes}");
+        name.push_str(if coherent { " coherent" } else { "" });
+        name.push_str(if robust { " robust" } else { "" });
+        name.push_str(if converted { ", converted" } else { "" });
+        Mode { name, embree: Arc::clone(embree), lanes, coherent, robust, converted, extent }
+    })
+    .collect()
 }
 
 impl Contender for Mode {
@@ -167,7 +195,11 @@ impl Contender for Mode {
     }
 
     fn family(&self) -> &'static str {
-        if self.robust { "embree, robust" } else { "embree" }
+        match (self.robust, self.converted) {
+            (true, _) => "embree, robust",
+            (false, true) => "embree, converted",
+            (false, false) => "embree",
+        }
     }
 
     fn is_exact(&self) -> bool {
@@ -180,6 +212,8 @@ impl Contender for Mode {
 
     fn worker(&self) -> Box<dyn Worker + '_> {
         match self.lanes {
+            1 if self.converted => Box::new(Converting::<RayHit1>::new(self)),
+            16 if self.converted => Box::new(Converting::<RayHit16>::new(self)),
             1 => Box::new(Asking::<RayHit1>::new(self)),
             8 => Box::new(Asking::<RayHit8>::new(self)),
             _ => Box::new(Asking::<RayHit16>::new(self)),
@@ -197,9 +231,7 @@ struct Asking<'e, P> {
 
 impl<'e, P: Packet> Asking<'e, P> {
     fn new(mode: &'e Mode) -> Self {
-        let flags = if mode.coherent { ffi::COHERENT } else { 0 };
-        let context = Context { flags, filter: std::ptr::null(), instance: ffi::INVALID };
-        Self { mode, context, packets: Vec::new(), places: Vec::new() }
+        Self { mode, context: mode.context(), packets: Vec::new(), places: Vec::new() }
     }
 
     /// Which lanes of the last packet hold rays.
@@ -246,13 +278,10 @@ impl<P: Packet> Worker for Asking<'_, P> {
 
     fn compare(&mut self, sweep: &RecordedSweep, disagreements: &mut Disagreements) {
         for (i, place) in self.places.iter().enumerate() {
-            let (end, geometry, primitive) = self.packets[i / P::LANES].answer(i % P::LANES);
+            let answer = self.packets[i / P::LANES].answer(i % P::LANES);
             let said = match sweep {
-                RecordedSweep::Shadow(_) => Said::Blocked(end < 0.0),
-                RecordedSweep::Nearest(_) => {
-                    let ids = self.mode.embree.ids.get(geometry as usize);
-                    Said::Nearest(ids.map(|ids| (end, ids[primitive as usize])))
-                }
+                RecordedSweep::Shadow(_) => Said::Blocked(answer.0 < 0.0),
+                RecordedSweep::Nearest(_) => Said::Nearest(self.mode.found(answer)),
             };
             judge(sweep, *place, &said, self.mode.extent, disagreements);
         }

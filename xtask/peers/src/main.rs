@@ -3,6 +3,7 @@
 //! Called with a plan as JSON and a folder for what is measured; a third argument asks for what building takes too.
 
 mod building;
+mod converted;
 mod embree;
 mod ffi;
 mod obvhs;

@@ -1,9 +1,9 @@
 //! What peers are given: triangles and spheres, and rays, in single precision.
 
-use rayset_engine::RayQuery;
+use rayset_engine::Generation;
 use rayset_engine::geometry::{PrimitiveKind, Sides};
 use rayset_engine::scene::glam::DVec3;
-use rayset_engine::scene::{Scene, VolumeId};
+use rayset_engine::scene::{LightId, Scene, VolumeId};
 use rayset_study::{Disagreements, RecordedSweep};
 
 /// Rays that leave a surface see others from here on, relative to the extent of the scene: single precision would else
@@ -73,36 +73,45 @@ pub(crate) struct Narrow {
 /// Where a ray stands in a sweep: bundle and place.
 pub(crate) type Place = (usize, usize);
 
+/// Where rays that leave a surface, or do not, start at least, in world units.
+pub(crate) fn floor(rays: &Generation, extent: f64) -> f64 {
+    let leaves = rays.originating().first().is_some_and(Option::is_some);
+    debug_assert!(
+        rays.originating().iter().all(|from| from.is_some() == leaves),
+        "all of a list leave, or none"
+    );
+    if leaves { START * extent } else { 0.0 }
+}
+
 /// The rays of a sweep, bundle by bundle; within one by slot and light, then in the order of the image, a Morton
 /// curve, so that 16 neighbours in the list are 4 by 4 pixels where none is missing.
 #[expect(clippy::cast_possible_truncation, reason = "peers decide in single precision")]
 pub(crate) fn rays(sweep: &RecordedSweep, extent: f64) -> Vec<(Narrow, Place)> {
-    let mut rays = Vec::with_capacity(sweep.rays());
-    let mut append = |b: usize, queries: Vec<(RayQuery, u32)>| {
-        let mut order: Vec<_> = (0..queries.len()).collect();
-        order.sort_by_key(|&i| (queries[i].0.slot, queries[i].1, queries[i].0.ray_set.0));
-        for i in order {
-            let query = &queries[i].0;
-            let leaves = query.originating.is_some();
-            let start = if leaves { query.span.start.max(START * extent) } else { query.span.start };
-            let span = [start as f32, query.span.end as f32];
-            let (origin, direction) = (narrow(query.ray.origin()), narrow(query.ray.direction()));
-            rays.push((Narrow { origin, direction, span }, (b, i)));
+    let mut narrow = Vec::with_capacity(sweep.rays());
+    let mut order = Vec::new();
+    let mut append = |b: usize, rays: &Generation, lights: &[LightId]| {
+        let light = |i: usize| lights.get(i).map_or(0, |light| light.0);
+        order.clear();
+        order.extend(0..rays.len());
+        order.sort_by_key(|&i| (rays.slots()[i], light(i), rays.ray_sets()[i].0));
+        let ([ox, oy, oz], [dx, dy, dz], (starts, ends)) = (rays.origins(), rays.directions(), rays.spans());
+        let floor = floor(rays, extent);
+        for &i in &order {
+            let origin = [ox[i] as f32, oy[i] as f32, oz[i] as f32];
+            let direction = [dx[i] as f32, dy[i] as f32, dz[i] as f32];
+            let span = [starts[i].max(floor) as f32, ends[i] as f32];
+            narrow.push((Narrow { origin, direction, span }, (b, i)));
         }
     };
     match sweep {
         RecordedSweep::Nearest(bundles) => {
-            for (b, (rays, _)) in bundles.iter().enumerate() {
-                append(b, (0..rays.len()).map(|i| (rays.query(i), 0)).collect());
-            }
+            bundles.iter().enumerate().for_each(|(b, (rays, _))| append(b, rays, &[]));
         }
         RecordedSweep::Shadow(bundles) => {
-            for (b, (rays, _)) in bundles.iter().enumerate() {
-                append(b, (0..rays.len()).map(|i| (rays.rays().query(i), rays.lights()[i].0)).collect());
-            }
+            bundles.iter().enumerate().for_each(|(b, (rays, _))| append(b, rays.rays(), rays.lights()));
         }
     }
-    rays
+    narrow
 }
 
 /// What a peer said of a ray: distance and id of the hit, or whether something is between.

@@ -39,6 +39,9 @@ pub struct BenchPlan {
 /// the first rays of the middle bundle of any list; one that needs more is skipped for the scene.
 pub const MOST_TESTS_PER_RAY: f64 = 4096.0;
 
+/// How many times slower than the fastest a contender may be for all rays of a frame, the first time, to be asked again.
+pub const SLOW: f64 = 5.0;
+
 /// What was measured, and on which machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Bench {
@@ -69,6 +72,8 @@ pub struct BenchRow {
     pub spheres: Option<u32>,
     /// How many primitives there are.
     pub primitives: usize,
+    /// How often each list was answered by each contender: less often than elsewhere where that takes long.
+    pub repetitions: usize,
     /// The lists of rays.
     pub passes: Vec<PassRow>,
     /// Who answered them, in the order of the run.
@@ -101,6 +106,8 @@ pub struct ContenderRow {
     pub frame: Spread,
     /// Nanoseconds a ray, list by list.
     pub passes: Vec<Spread>,
+    /// Whether it was asked but once, being more than [`SLOW`] times slower than the fastest.
+    pub once: bool,
     /// Where its answers differ from the recorded ones; empty for the exact.
     pub disagreements: Disagreements,
 }

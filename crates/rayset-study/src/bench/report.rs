@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use std::path::Path;
 
-use super::{Bench, BenchRow, ContenderRow, Disagreements};
+use super::{Bench, BenchRow, ContenderRow, Disagreements, SLOW};
 use crate::{Spread, StudyError, write_file};
 
 impl Bench {
@@ -37,13 +37,15 @@ impl Bench {
              `±` is half the distance of the quartiles, in percent.\n\n\
              Rays are those of Whitted trees of depth 3, in tiles of 16 x 16 pixels and there along a Morton curve, recorded once; \
              the number after a kind is the depth. \
-             A strategy is skipped where it needs more than {:.0} tests for a ray of a small sample.\n",
+             A strategy is skipped where it needs more than {:.0} tests for a ray of a small sample; \
+             who takes more than {SLOW} times what the fastest takes to warm up is not asked again, \
+             and that one time stands for all. Rows that take long have fewer runs, as they say.\n",
             self.most_tests_per_ray
         );
         self.write_overview(&mut text);
         self.write_comparisons(&mut text);
         for row in &self.rows {
-            write_row(&mut text, row);
+            write_row(&mut text, row, *repetitions);
         }
         text
     }
@@ -92,7 +94,7 @@ fn entry(spread: &Spread) -> String {
 }
 
 /// Nanoseconds a ray, list by list.
-fn write_row(text: &mut String, row: &BenchRow) {
+fn write_row(text: &mut String, row: &BenchRow, usual: usize) {
     let BenchRow { scene, view, primitives, passes, contenders, skipped, .. } = row;
     let _ = write!(text, "### {scene}, {view}: {primitives} primitives, nanoseconds a ray\n\n| |");
     cells(text, passes.iter().map(|pass| pass.name.clone()));
@@ -111,6 +113,14 @@ fn write_row(text: &mut String, row: &BenchRow) {
     if !skipped.is_empty() {
         let skipped: Vec<_> = skipped.iter().map(|(name, reason)| format!("`{name}` ({reason})")).collect();
         let _ = writeln!(text, "Skipped: {}.\n", skipped.join(", "));
+    }
+    let once: Vec<_> =
+        contenders.iter().filter(|row| row.once).map(|row| format!("`{}`", row.name)).collect();
+    if row.repetitions != usual {
+        let _ = writeln!(text, "Runs: {}.\n", row.repetitions);
+    }
+    if !once.is_empty() {
+        let _ = writeln!(text, "Asked once, being slow: {}.\n", once.join(", "));
     }
     write_disagreements(text, contenders);
 }

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use cpu_time::ThreadTime;
 use rayset_engine::{Backend, StrategyKind};
@@ -11,10 +11,16 @@ use rayset_scene::Scene;
 
 use super::contender::{Contender, Disagreements, strategies};
 use super::{
-    Bench, BenchPlan, BenchRow, ContenderRow, MOST_TESTS_PER_RAY, PassRow, RecordedPass, Recording, View,
+    Bench, BenchPlan, BenchRow, ContenderRow, MOST_TESTS_PER_RAY, PassRow, RecordedPass, Recording, SLOW,
+    View,
 };
 use crate::coherence::processor;
 use crate::{Spread, StudyError};
+
+/// How long all may take to warm up, and what part of the repetitions those rows get that take longer: they are large, and
+/// vary little.
+const LONG: Duration = Duration::from_secs(8);
+const FEWER: usize = 3;
 
 /// Binds contenders beside the strategies to a scene, and says why others are left out.
 pub(super) type Others<'o> =
@@ -98,21 +104,49 @@ fn measure(
     // Nanoseconds by repetition, list and contender.
     let mut times = vec![vec![vec![0.0; contenders.len()]; recording.passes.len()]; plan.repetitions];
     let mut disagreements = vec![Disagreements::default(); contenders.len()];
+    let mut warming = vec![vec![0.0; contenders.len()]; recording.passes.len()];
+    let mut once = vec![false; contenders.len()];
+    let mut repetitions = plan.repetitions;
+    let start = Instant::now();
     for repetition in 0..=plan.repetitions {
+        if repetition > repetitions {
+            break;
+        }
         for (p, pass) in recording.passes.iter().enumerate() {
             for turn in 0..contenders.len() {
                 // Another one goes first each time, so that nobody always follows the same neighbour.
                 let c = (turn + repetition + p) % contenders.len();
-                let (time, found) = answer(contenders[c].as_ref(), pass, plan.threads);
+                if once[c] {
+                    continue;
+                }
+                // Those that may differ are compared once.
+                let is_compared = repetition == 0 || contenders[c].is_exact();
+                let (time, found) = answer(contenders[c].as_ref(), pass, plan.threads, is_compared);
+                let time = time.as_secs_f64() * 1e9;
                 if contenders[c].is_exact() && found.total() > 0 {
                     let what =
                         format!("{} on {name}, {}: {:?}", contenders[c].name(), pass.pass, found.samples);
                     return Err(StudyError::Differs { what });
                 }
-                // The first time warms up, and is enough to compare those that may differ.
-                match repetition.checked_sub(1) {
-                    Some(repetition) => times[repetition][p][c] = time.as_secs_f64() * 1e9,
-                    None => disagreements[c].absorb(found),
+                // The first time warms up.
+                if let Some(repetition) = repetition.checked_sub(1) {
+                    times[repetition][p][c] = time;
+                } else {
+                    warming[p][c] = time;
+                    disagreements[c].absorb(found);
+                }
+            }
+        }
+        if repetition == 0 {
+            if start.elapsed() > LONG {
+                repetitions = plan.repetitions.div_ceil(FEWER);
+                times.truncate(repetitions);
+            }
+            once = far_behind(&warming);
+            // What warmed up is all there is of these.
+            for times in &mut times {
+                for (times, warming) in times.iter_mut().zip(&warming) {
+                    (0..once.len()).filter(|&c| once[c]).for_each(|c| times[c] = warming[c]);
                 }
             }
         }
@@ -131,6 +165,7 @@ fn measure(
             ready_seconds: contender.ready_seconds(),
             frame: Spread::of(&frames),
             passes: passes.collect(),
+            once: once[c],
             disagreements,
         }
     });
@@ -144,14 +179,28 @@ fn measure(
         view: view.name(),
         spheres: None,
         primitives: scene.n_primitives(),
+        repetitions,
         passes: passes.collect(),
         contenders: rows.collect(),
         skipped,
     })
 }
 
+/// Who takes more than [`SLOW`] times what the fastest takes, by the times of each list and contender.
+fn far_behind(times: &[Vec<f64>]) -> Vec<bool> {
+    let n = times.first().map_or(0, Vec::len);
+    let frames: Vec<f64> = (0..n).map(|c| times.iter().fold(0.0, |sum, list| sum + list[c])).collect();
+    let fastest = frames.iter().copied().fold(f64::INFINITY, f64::min);
+    frames.into_iter().map(|frame| frame > SLOW * fastest).collect()
+}
+
 /// Answers a list on some threads, which share its sweeps; gives the time of the one that was busy longest.
-fn answer(contender: &dyn Contender, pass: &RecordedPass, threads: usize) -> (Duration, Disagreements) {
+fn answer(
+    contender: &dyn Contender,
+    pass: &RecordedPass,
+    threads: usize,
+    is_compared: bool,
+) -> (Duration, Disagreements) {
     let next = AtomicUsize::new(0);
     let work = || {
         let mut worker = contender.worker();
@@ -162,7 +211,9 @@ fn answer(contender: &dyn Contender, pass: &RecordedPass, threads: usize) -> (Du
             let start = ThreadTime::now();
             worker.trace(sweep);
             busy += start.elapsed();
-            worker.compare(sweep, &mut found);
+            if is_compared {
+                worker.compare(sweep, &mut found);
+            }
         }
         (busy, found)
     };
@@ -222,6 +273,13 @@ mod tests {
             assert!(bench.to_markdown().contains("| `hierarchical` |"));
             assert!(bench.svg().unwrap().contains("spheres"));
         }
+    }
+
+    #[test]
+    fn only_who_is_far_behind_is_asked_once() {
+        let times = [vec![10.0, 60.0, 99.0], vec![10.0, 141.0, 99.0]];
+        assert_eq!(far_behind(&times), [false, true, false]);
+        assert!(far_behind(&[]).is_empty());
     }
 
     #[test]
