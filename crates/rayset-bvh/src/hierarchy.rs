@@ -1,5 +1,6 @@
 //! The hierarchy and what it answers.
 
+use std::hint::black_box;
 use std::marker::PhantomData;
 
 use rayon::prelude::*;
@@ -179,8 +180,12 @@ impl Hierarchy {
         scratch: &mut Scratch,
     ) {
         match &self.width {
-            Width::Eight(wide) if S::F32::LANES == 8 => wide.each(simd, &self.frame, NearestHit, rays, scratch),
-            Width::Sixteen(wide) if S::F32::LANES == 16 => wide.each(simd, &self.frame, NearestHit, rays, scratch),
+            Width::Eight(wide) if S::F32::LANES == 8 => {
+                wide.each(simd, &self.frame, NearestHit, rays, scratch)
+            }
+            Width::Sixteen(wide) if S::F32::LANES == 16 => {
+                wide.each(simd, &self.frame, NearestHit, rays, scratch)
+            }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
     }
@@ -194,7 +199,9 @@ impl Hierarchy {
     pub fn occluded_each<S: Simd>(&self, simd: S, rays: &mut impl RayList<bool>, scratch: &mut Scratch) {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => wide.each(simd, &self.frame, AnyHit, rays, scratch),
-            Width::Sixteen(wide) if S::F32::LANES == 16 => wide.each(simd, &self.frame, AnyHit, rays, scratch),
+            Width::Sixteen(wide) if S::F32::LANES == 16 => {
+                wide.each(simd, &self.frame, AnyHit, rays, scratch)
+            }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
     }
@@ -294,7 +301,9 @@ struct Each<'a, C, Q, R, const W: usize> {
     scratch: &'a mut Scratch,
 }
 
-impl<S: Simd, C: Content, Q: Question, R: RayList<Q::Answer>, const W: usize> Part<S> for Each<'_, C, Q, R, W> {
+impl<S: Simd, C: Content, Q: Question, R: RayList<Q::Answer>, const W: usize> Part<S>
+    for Each<'_, C, Q, R, W>
+{
     type Output = ();
 
     #[inline(always)]
@@ -511,7 +520,10 @@ struct AnyVisitor<'h, S: Simd, C: Content, const W: usize> {
 impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
-        let is_hit = self.shapes.any::<S, C>(leaf, &self.ray, self.end, self.tests);
+        // Of triangles, what a block is tested with would else be spread over lanes before the traversal, for every ray, and
+        // not stay in registers. A nearest hit is more in need of its `f64` ray, which should stay there.
+        let ray = if C::TRIANGLES { black_box(&self.ray) } else { &self.ray };
+        let is_hit = self.shapes.any::<S, C>(leaf, ray, self.end, self.tests);
         if is_hit { None } else { Some(self.end) }
     }
 }
