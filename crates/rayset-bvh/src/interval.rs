@@ -8,6 +8,7 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::ray::CullRay;
 use crate::shaft::Planes;
+use crate::traverse::Aligned;
 
 /// How far the perpendicular from a sphere's centre may be off, in units of the rounding of a coordinate.
 pub const SPHERE_MARGIN: f32 = 34.0;
@@ -72,7 +73,8 @@ impl<S: Simd> LeafRay<S> {
     pub(crate) fn new(simd: S, cull: &CullRay, is_flat: bool) -> Self {
         let (mut axes, mut sheared_origin, mut factors) = ([0, 1, 2], [0.0; 3], [0.0; 3]);
         if is_flat {
-            let d = cull.direction;
+            // Aligned, and so is what a loop over leaves spills.
+            let Aligned(d) = &Aligned(cull.direction);
             let size = [d[0].abs(), d[1].abs(), d[2].abs()];
             let z = if size[0] > size[1] { 0 } else { 1 };
             let z = if size[2] >= size[z] { 2 } else { z };

@@ -27,7 +27,7 @@ pub struct Steps {
 /// Aligned, and so is then what the compiler keeps beside it: without anything that asks for it, the registers that a loop
 /// has no room for lie across the lines of the cache.
 #[repr(align(64))]
-struct Aligned<T>(T);
+pub(crate) struct Aligned<T>(pub(crate) T);
 
 /// What is still to visit: children, and where the ray enters them.
 ///
