@@ -40,7 +40,7 @@ pub struct BenchPlan {
 pub const MOST_TESTS_PER_RAY: f64 = 4096.0;
 
 /// How many times slower than the fastest a contender may be for all rays of a frame, the first time, to be asked again.
-pub const SLOW: f64 = 5.0;
+pub const SLOW: f64 = 8.0;
 
 /// What was measured, and on which machine.
 #[derive(Clone, Debug, Serialize)]

@@ -277,7 +277,7 @@ mod tests {
 
     #[test]
     fn only_who_is_far_behind_is_asked_once() {
-        let times = [vec![10.0, 60.0, 99.0], vec![10.0, 141.0, 99.0]];
+        let times = [vec![10.0, 60.0, 79.0], vec![10.0, 101.0, 81.0]];
         assert_eq!(far_behind(&times), [false, true, false]);
         assert!(far_behind(&[]).is_empty());
     }
