@@ -6,11 +6,12 @@
 
 use std::ops::Range;
 
-use rayset_simd::{Lanes, Part, Simd};
+use rayset_simd::{Lanes, Simd};
 
+use crate::batch::Query;
 use crate::descent::{Descent, OfPacket, OfTile};
 use crate::frame::Frame;
-use crate::hierarchy::{Hierarchy, Scratch, Wide, Width};
+use crate::hierarchy::{AnyHit, Hierarchy, NearestHit, OfRay, RayList, Scratch, Wide, Width};
 use crate::packet::{Approach, Packet, RayColumns, level};
 use crate::shaft::Shaft;
 use crate::shapes::Hit;
@@ -209,6 +210,11 @@ impl Hierarchy {
 trait List {
     /// What a packet asks for.
     type Asked<S: Simd, const W: usize>: Question<S, W>;
+    /// What a ray by itself asks for.
+    type OfRay: OfRay<Answer: Copy> + Default;
+
+    /// Where the answers go.
+    fn places(&mut self) -> &mut [<Self::OfRay as OfRay>::Answer];
 
     /// Takes over what a packet has found.
     fn answer<S: Simd, const W: usize>(
@@ -218,14 +224,6 @@ trait List {
         packet: &Packet<S, W>,
         asked: Self::Asked<S, W>,
     );
-
-    /// Traces rays alone; places hold upper bounds if something is known of these rays.
-    fn trace_alone<S: Simd, const W: usize, const KNOWN: bool>(
-        &mut self,
-        simd: S,
-        alone: Alone<'_, W>,
-        scratch: &mut Scratch,
-    );
 }
 
 /// Places of nearest hits, all without one at first.
@@ -233,6 +231,11 @@ struct NearestHits<'a>(&'a mut [Option<Hit>]);
 
 impl List for NearestHits<'_> {
     type Asked<S: Simd, const W: usize> = Nearest<S>;
+    type OfRay = NearestHit;
+
+    fn places(&mut self) -> &mut [Option<Hit>] {
+        self.0
+    }
 
     #[inline(always)]
     fn answer<S: Simd, const W: usize>(
@@ -244,21 +247,6 @@ impl List for NearestHits<'_> {
     ) {
         asked.finish(simd, exact, packet, &mut self.0[packet.first..packet.first + packet.len]);
     }
-
-    #[inline(always)]
-    fn trace_alone<S: Simd, const W: usize, const KNOWN: bool>(
-        &mut self,
-        simd: S,
-        Alone { wide, frame, rays, range }: Alone<'_, W>,
-        scratch: &mut Scratch,
-    ) {
-        let rays = rays.cut(range.clone());
-        for (i, hit) in self.0[range].iter_mut().enumerate().take(rays.spans.0.len()) {
-            let (ray, span) = rays.ray(i);
-            let known = if KNOWN { *hit } else { None };
-            *hit = wide.nearest(simd, frame, &ray, span, rays.left(i), known, scratch);
-        }
-    }
 }
 
 /// Places that say whether something is hit, all false at first.
@@ -266,6 +254,11 @@ struct Occluded<'a>(&'a mut [bool]);
 
 impl List for Occluded<'_> {
     type Asked<S: Simd, const W: usize> = Hidden;
+    type OfRay = AnyHit;
+
+    fn places(&mut self) -> &mut [bool] {
+        self.0
+    }
 
     #[inline(always)]
     fn answer<S: Simd, const W: usize>(
@@ -279,31 +272,38 @@ impl List for Occluded<'_> {
             self.0[packet.first + lane] = asked.0 >> lane & 1 == 1;
         }
     }
-
-    #[inline(always)]
-    fn trace_alone<S: Simd, const W: usize, const KNOWN: bool>(
-        &mut self,
-        simd: S,
-        Alone { wide, frame, rays, range }: Alone<'_, W>,
-        scratch: &mut Scratch,
-    ) {
-        let rays = rays.cut(range.clone());
-        for (i, occluded) in self.0[range].iter_mut().enumerate().take(rays.spans.0.len()) {
-            if !(KNOWN && *occluded) {
-                let (ray, span) = rays.ray(i);
-                *occluded = wide.occluded(simd, frame, &ray, span, rays.left(i), scratch);
-            }
-        }
-    }
 }
 
-/// Rays that are traced one by one.
-#[derive(Clone, Debug)]
-struct Alone<'a, const W: usize> {
-    wide: &'a Wide<W>,
-    frame: &'a Frame,
-    rays: &'a RayColumns<'a>,
-    range: Range<usize>,
+/// Rays that are traced one by one; places hold upper bounds if something is known of them.
+struct Alone<'a, A, const KNOWN: bool> {
+    rays: RayColumns<'a>,
+    places: &'a mut [A],
+    /// The place of the next answer.
+    next: usize,
+}
+
+impl<A: Copy, const KNOWN: bool> RayList<A> for Alone<'_, A, KNOWN> {
+    #[inline(always)]
+    fn rays(&self) -> usize {
+        self.places.len()
+    }
+
+    #[inline(always)]
+    fn ray(&self, i: usize) -> Query {
+        let (ray, span) = self.rays.ray(i);
+        Query { ray, span, from: self.rays.left(i) }
+    }
+
+    #[inline(always)]
+    fn known(&self, i: usize) -> Option<A> {
+        KNOWN.then_some(self.places[i])
+    }
+
+    #[inline(always)]
+    fn answer(&mut self, answer: A) {
+        self.places[self.next] = answer;
+        self.next += 1;
+    }
 }
 
 impl<const W: usize> Wide<W> {
@@ -362,8 +362,9 @@ impl<const W: usize> Wide<W> {
     ) {
         let n = range.len() as u64;
         let before = scratch.single.steps;
-        let alone = Alone { wide: self, frame, rays, range };
-        simd.outline(TraceAlone::<_, W, KNOWN> { alone, list, scratch: &mut scratch.single });
+        let rays = rays.cut(range.clone());
+        let mut alone = Alone::<_, KNOWN> { rays, places: &mut list.places()[range], next: 0 };
+        self.each(simd, frame, L::OfRay::default(), &mut alone, &mut scratch.single);
         let after = scratch.single.steps;
         let (steps, alone) = &mut scratch.classes[class].alone;
         *steps += after.nodes + after.leaves - before.nodes - before.leaves;
@@ -451,20 +452,5 @@ impl<const W: usize> Wide<W> {
                 *rays += packet.len as u64;
             }
         }
-    }
-}
-
-struct TraceAlone<'a, L, const W: usize, const KNOWN: bool> {
-    alone: Alone<'a, W>,
-    list: &'a mut L,
-    scratch: &'a mut Scratch,
-}
-
-impl<S: Simd, L: List, const W: usize, const KNOWN: bool> Part<S> for TraceAlone<'_, L, W, KNOWN> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self, simd: S) {
-        self.list.trace_alone::<S, W, KNOWN>(simd, self.alone, self.scratch);
     }
 }

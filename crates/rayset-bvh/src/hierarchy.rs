@@ -131,10 +131,10 @@ impl Hierarchy {
         let span = ahead(span);
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.nearest(simd, &self.frame, ray, span, from, None, scratch)
+                wide.nearest(simd, &self.frame, ray, span, from, scratch)
             }
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.nearest(simd, &self.frame, ray, span, from, None, scratch)
+                wide.nearest(simd, &self.frame, ray, span, from, scratch)
             }
             _ => panic!("a hierarchy runs on the lanes it was built for"),
         }
@@ -233,12 +233,17 @@ pub trait RayList<A> {
     fn rays(&self) -> usize;
     /// A ray, the part of it that counts, and what it leaves.
     fn ray(&self, i: usize) -> Query;
+    /// What is known of it already: a hit, than which only nearer ones count, or that it hits something.
+    #[inline(always)]
+    fn known(&self, _i: usize) -> Option<A> {
+        None
+    }
     /// Takes the answer of the ray that was asked for last.
     fn answer(&mut self, answer: A);
 }
 
 /// What is asked about rays.
-trait Question: Copy {
+pub(crate) trait OfRay: Copy {
     type Answer;
     fn ask<S: Simd, C: Content, const W: usize>(
         self,
@@ -246,18 +251,19 @@ trait Question: Copy {
         wide: &Wide<W>,
         frame: &Frame,
         query: &Query,
+        known: Option<Self::Answer>,
         scratch: &mut Scratch,
     ) -> Self::Answer;
 }
 
 /// What is hit first.
-#[derive(Clone, Copy)]
-struct NearestHit;
+#[derive(Clone, Copy, Default)]
+pub(crate) struct NearestHit;
 /// Whether anything is hit.
-#[derive(Clone, Copy)]
-struct AnyHit;
+#[derive(Clone, Copy, Default)]
+pub(crate) struct AnyHit;
 
-impl Question for NearestHit {
+impl OfRay for NearestHit {
     type Answer = Option<Hit>;
 
     #[inline(always)]
@@ -267,14 +273,15 @@ impl Question for NearestHit {
         wide: &Wide<W>,
         frame: &Frame,
         query: &Query,
+        known: Option<Self::Answer>,
         scratch: &mut Scratch,
     ) -> Option<Hit> {
         let Query { ray, span, from } = query;
-        wide.nearest_of::<S, C>(simd, frame, ray, ahead(*span), *from, None, scratch)
+        wide.nearest_of::<S, C>(simd, frame, ray, ahead(*span), *from, known.flatten(), scratch)
     }
 }
 
-impl Question for AnyHit {
+impl OfRay for AnyHit {
     type Answer = bool;
 
     #[inline(always)]
@@ -284,10 +291,11 @@ impl Question for AnyHit {
         wide: &Wide<W>,
         frame: &Frame,
         query: &Query,
+        known: Option<Self::Answer>,
         scratch: &mut Scratch,
     ) -> bool {
         let Query { ray, span, from } = query;
-        wide.occluded_of::<S, C>(simd, frame, ray, ahead(*span), *from, scratch)
+        known == Some(true) || wide.occluded_of::<S, C>(simd, frame, ray, ahead(*span), *from, scratch)
     }
 }
 
@@ -301,9 +309,7 @@ struct Each<'a, C, Q, R, const W: usize> {
     scratch: &'a mut Scratch,
 }
 
-impl<S: Simd, C: Content, Q: Question, R: RayList<Q::Answer>, const W: usize> Part<S>
-    for Each<'_, C, Q, R, W>
-{
+impl<S: Simd, C: Content, Q: OfRay, R: RayList<Q::Answer>, const W: usize> Part<S> for Each<'_, C, Q, R, W> {
     type Output = ();
 
     #[inline(always)]
@@ -311,7 +317,8 @@ impl<S: Simd, C: Content, Q: Question, R: RayList<Q::Answer>, const W: usize> Pa
         let Self { wide, frame, question, rays, scratch, .. } = self;
         for i in 0..rays.rays() {
             let query = rays.ray(i);
-            let answer = question.ask::<S, C, W>(simd, wide, frame, &query, scratch);
+            let known = rays.known(i);
+            let answer = question.ask::<S, C, W>(simd, wide, frame, &query, known, scratch);
             rays.answer(answer);
         }
     }
@@ -373,7 +380,7 @@ impl<const W: usize> Wide<W> {
 
     /// Answers rays one by one.
     #[inline(always)]
-    fn each<S: Simd, Q: Question>(
+    pub(crate) fn each<S: Simd, Q: OfRay>(
         &self,
         simd: S,
         frame: &Frame,
@@ -393,9 +400,8 @@ impl<const W: usize> Wide<W> {
         }
     }
 
-    /// The least of a ray's hits and one that is known.
+    /// The least of a ray's hits.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "a ray and what it is traced with")]
     pub(crate) fn nearest<S: Simd>(
         &self,
         simd: S,
@@ -403,20 +409,20 @@ impl<const W: usize> Wide<W> {
         ray: &Ray,
         span: Span,
         from: Option<(u32, Side)>,
-        known: Option<Hit>,
         scratch: &mut Scratch,
     ) -> Option<Hit> {
         if self.shapes.is_only(PrimitiveKind::Sphere) {
-            self.nearest_of::<S, OnlySpheres>(simd, frame, ray, span, from, known, scratch)
+            self.nearest_of::<S, OnlySpheres>(simd, frame, ray, span, from, None, scratch)
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {
-            self.nearest_of::<S, OnlyTriangles>(simd, frame, ray, span, from, known, scratch)
+            self.nearest_of::<S, OnlyTriangles>(simd, frame, ray, span, from, None, scratch)
         } else {
-            self.nearest_of::<S, Anything>(simd, frame, ray, span, from, known, scratch)
+            self.nearest_of::<S, Anything>(simd, frame, ray, span, from, None, scratch)
         }
     }
 
+    /// The least of a ray's hits and one that is known.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "as above")]
+    #[expect(clippy::too_many_arguments, reason = "a ray and what it is traced with")]
     fn nearest_of<S: Simd, C: Content>(
         &self,
         simd: S,
