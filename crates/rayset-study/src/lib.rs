@@ -42,6 +42,6 @@ pub use scenes::{NamedScene, cornell_box, cornell_spheres, knob, mesh_scenes, sp
 pub use statistics::Spread;
 pub use study::{Counts, Distribution, Journal, Key, Kinds, Median, Scale, StudyName};
 pub use table1::{
-    Column, Fitted, KindRow, Misses, ModelReport, OptionsReport, PAPER, PaperRow, Pictures, PresetReport,
-    Reading, Row, StrategyRow, Table1, Table1Plan,
+    Column, ExactRow, Fitted, KindRow, Misses, ModelReport, OptionsReport, PAPER, PaperRow, Pictures,
+    PresetReport, Reading, Row, StrategyRow, Table1, Table1Plan,
 };

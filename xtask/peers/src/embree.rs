@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicIsize, Ordering};
 use std::time::Instant;
 
+use rayset_engine::Backend;
 use rayset_study::{Contender, Disagreements, RecordedSweep, Worker};
 
 use crate::converted::Converting;
@@ -37,10 +38,14 @@ unsafe impl Send for Embree {}
 unsafe impl Sync for Embree {}
 
 impl Embree {
-    /// Builds a scene of triangles and spheres.
+    /// Builds a scene of triangles and spheres; Embree may use lanes no wider than ours are.
     pub(crate) fn new(parts: &Parts, robust: bool, threads: usize) -> Result<Self, String> {
-        let config =
-            CString::new(format!("threads={threads},frequency_level=simd512")).expect("no zero inside");
+        let lanes = match Backend::active() {
+            Backend::Avx512 => "frequency_level=simd512",
+            Backend::Avx2 => "isa=avx2",
+            Backend::Portable | Backend::Scalar => "isa=sse2",
+        };
+        let config = CString::new(format!("threads={threads},{lanes}")).expect("no zero inside");
         // SAFETY: the string ends with a zero and outlives the call.
         let device = unsafe { ffi::rtcNewDevice(config.as_ptr()) };
         if device.is_null() {

@@ -15,5 +15,6 @@ pub use self::paper::{PAPER, PaperRow};
 pub use self::plan::{Reading, Table1Plan};
 pub(crate) use self::recorded::{Recorded, RecordedRow, RecordedStrategy};
 pub use self::results::{
-    Fitted, KindRow, Misses, ModelReport, OptionsReport, Pictures, PresetReport, Row, StrategyRow, Table1,
+    ExactRow, Fitted, KindRow, Misses, ModelReport, OptionsReport, Pictures, PresetReport, Row, StrategyRow,
+    Table1,
 };

@@ -32,6 +32,8 @@ pub struct Table1Plan {
     pub cutoff: Option<f64>,
     /// The readings of section 2.3 to compare with `standard`.
     pub readings: Vec<Reading>,
+    /// The exact strategies that take their turns on the same scenes.
+    pub exact: Vec<StrategyKind>,
     /// Settings with scenes and images of their own; of what is above, they take the numbers of spheres, the seeds, the
     /// repetitions of spheres, and the lanes.
     pub presets: Vec<Preset>,
@@ -77,6 +79,7 @@ impl Table1Plan {
             max_depth: RenderOptions::default().max_depth,
             cutoff: RenderOptions::default().cutoff,
             readings: vec![Reading::literal(), Reading::with_misses()],
+            exact: vec![StrategyKind::Coherent, StrategyKind::Hierarchical, StrategyKind::Bundle],
             presets: vec![Preset::nearest()],
         }
     }

@@ -17,6 +17,7 @@ impl Table1 {
         let mut text = String::new();
         self.write_spheres(&mut text);
         self.write_meshes(&mut text);
+        self.write_exact(&mut text);
         self.write_rays(&mut text);
         self.write_model(&mut text);
         self.write_cylinders(&mut text);
@@ -106,6 +107,41 @@ impl Table1 {
             let name = format!("{}, {} ({} triangles)", row.scene, row.volumes, row.primitives);
             for (reading, measured) in readings(row) {
                 write_row(text, &name, row, reading, measured, false);
+            }
+        }
+        line(text, "");
+    }
+
+    /// What exact strategies took on the same scenes.
+    fn write_exact(&self, text: &mut String) {
+        if self.ours.iter().all(|row| row.exact.is_empty()) {
+            return;
+        }
+        line(text, "## The same scenes, exactly\n");
+        line(
+            text,
+            "The exact strategies took their turns in the same runs, on lanes of the same kind. Work counts every lane of a test, of boxes too.\n",
+        );
+        line(
+            text,
+            "| scene | | time standard | time | ratio of times | frame | ratio of work | wrong pixels |",
+        );
+        line(text, "|---|---|---:|---:|---:|---:|---:|---:|");
+        for row in &self.ours {
+            for (name, exact) in &row.exact {
+                let _ = writeln!(
+                    text,
+                    "| {} | `{name}` | {:.4} s | {:.4} s | {:.3} ({:.3} to {:.3}) | {:.3} | {:.3} | {} |",
+                    row.scene,
+                    row.strategies["standard"].seconds,
+                    exact.seconds,
+                    exact.ratio_time.median,
+                    exact.ratio_time.lower_quartile,
+                    exact.ratio_time.upper_quartile,
+                    exact.ratio_time_frame.median,
+                    exact.ratio_work,
+                    exact.wrong_pixels
+                );
             }
         }
         line(text, "");

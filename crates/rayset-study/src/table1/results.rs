@@ -50,6 +50,23 @@ pub struct Row {
     pub rays: u64,
     /// What each strategy took, by name.
     pub strategies: BTreeMap<String, StrategyRow>,
+    /// What exact strategies took, by name.
+    pub exact: BTreeMap<&'static str, ExactRow>,
+}
+
+/// What an exact strategy took for a scene, over all seeds; each figure as that of a [`StrategyRow`].
+#[derive(Clone, Debug, Serialize)]
+pub struct ExactRow {
+    /// Time inside the strategy's calls, in seconds.
+    pub seconds: f64,
+    /// Time over that of `standard`, over all pairs.
+    pub ratio_time: Spread,
+    /// The same of whole frames.
+    pub ratio_time_frame: Spread,
+    /// Work over that of `standard`.
+    pub ratio_work: f64,
+    /// Pixels that differ from those of `standard`, over all seeds: none.
+    pub wrong_pixels: u64,
 }
 
 /// What a strategy took for a scene, over all seeds.

@@ -10,7 +10,8 @@ use rayset_engine::{
 use super::paper::PAPER;
 use super::plan::{Reading, Table1Plan};
 use super::results::{
-    Fitted, KindRow, Misses, ModelReport, OptionsReport, Pictures, PresetReport, Row, StrategyRow, Table1,
+    ExactRow, Fitted, KindRow, Misses, ModelReport, OptionsReport, Pictures, PresetReport, Row, StrategyRow,
+    Table1,
 };
 use crate::conditions::name_of_size;
 use crate::study::float;
@@ -33,6 +34,7 @@ impl Table1 {
         let (mut ours, mut pictures) = (Vec::new(), Vec::new());
         let match_of = |side, repetitions| Match {
             readings: plan.readings.clone(),
+            exact: plan.exact.clone(),
             counting: Counting::ALL_CAST,
             cost: None,
             backend: plan.backend,
@@ -75,6 +77,7 @@ fn run_preset(
     let conditions = &preset.conditions;
     let rules = Match {
         readings: vec![Reading { name: preset.name.to_owned(), options: conditions.reading }],
+        exact: Vec::new(),
         counting: preset.counting,
         cost: Some(preset.cost),
         backend: plan.backend,
@@ -128,6 +131,7 @@ fn misses(plan: &Table1Plan, preset: &Preset, pairs: &[Vec<Pair>; 4], chosen: bo
 /// Readings against `standard`: what takes part, and by which rules.
 struct Match {
     readings: Vec<Reading>,
+    exact: Vec<StrategyKind>,
     counting: Counting,
     cost: Option<Cost>,
     backend: Backend,
@@ -174,10 +178,14 @@ impl Match {
 
     /// A row, and what `standard` and the first reading counted for each scene.
     fn row(&self, scenes: &[NamedScene], step: &mut dyn FnMut(&str)) -> Result<(Row, Vec<Pair>), StudyError> {
-        let n_strategies = 1 + self.readings.len();
+        let n_readings = self.readings.len();
+        let n_strategies = 1 + n_readings + self.exact.len();
         let mut gathered: Vec<Gathered> = (0..n_strategies).map(|_| Gathered::default()).collect();
         for scene in scenes {
-            let strategies = self.strategies(scene);
+            let mut strategies = self.strategies(scene);
+            for kind in &self.exact {
+                strategies.push((kind.name(), kind.bind_on(&scene.scene, self.backend)));
+            }
             let mut seconds = vec![Vec::new(); n_strategies];
             let mut seconds_frame = vec![Vec::new(); n_strategies];
             for repetition in 0..self.repetitions {
@@ -220,6 +228,7 @@ impl Match {
         let readings = std::iter::once(&literal).chain(self.readings.iter().map(|reading| &reading.options));
         let measured =
             gathered.iter().zip(readings).map(|(it, reading)| self.measured(it, standard, reading));
+        let exact = gathered[1 + n_readings..].iter().map(|gathered| gathered.exact(standard));
         let row = Row {
             scene: first.name.clone(),
             spheres: first.spheres,
@@ -229,6 +238,7 @@ impl Match {
             resolution: self.options.width,
             rays: standard.rays.total().cast,
             strategies: names.zip(measured).collect(),
+            exact: self.exact.iter().map(|kind| kind.name()).zip(exact).collect(),
         };
         let pixels = u64::from(self.options.width) * u64::from(self.options.height);
         let pairs = gathered.get(1).map_or_else(Vec::new, |speer| speer.pairs(standard, pixels));
@@ -236,8 +246,6 @@ impl Match {
     }
 
     fn measured(&self, gathered: &Gathered, standard: &Gathered, reading: &Speer1985Options) -> StrategyRow {
-        let mean =
-            |values: &[f64]| values.iter().fold(0.0, |sum, value| sum + value) / float(values.len() as u64);
         let all = Counts::of(&gathered.rays, &gathered.stats);
         let all_standard = Counts::of(&standard.rays, &standard.stats);
         let percents: Vec<_> =
@@ -272,7 +280,22 @@ impl Match {
     }
 }
 
+fn mean(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |sum, value| sum + value) / float(values.len() as u64)
+}
+
 impl Gathered {
+    fn exact(&self, standard: &Self) -> ExactRow {
+        let work = |gathered: &Self| float(Counts::of(&gathered.rays, &gathered.stats).in_tests());
+        ExactRow {
+            seconds: mean(&self.seconds),
+            ratio_time: Spread::of(&self.ratios),
+            ratio_time_frame: Spread::of(&self.ratios_frame),
+            ratio_work: work(self) / work(standard),
+            wrong_pixels: self.wrong_pixels.iter().sum(),
+        }
+    }
+
     fn count(&mut self, frame: &Frame, standard: &Frame) {
         self.counts.push(Counts::of(&frame.counts, &frame.stats));
         self.wrong_pixels.push(frame.differing_pixels(standard) as u64);
