@@ -43,7 +43,7 @@ impl Embree {
         let lanes = match Backend::active() {
             Backend::Avx512 => "frequency_level=simd512",
             Backend::Avx2 => "isa=avx2",
-            Backend::Portable | Backend::Scalar => "isa=sse2",
+            _ => "isa=sse2",
         };
         let config = CString::new(format!("threads={threads},{lanes}")).expect("no zero inside");
         // SAFETY: the string ends with a zero and outlives the call.
