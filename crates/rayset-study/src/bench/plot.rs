@@ -17,6 +17,8 @@ const SIZE: (u32, u32) = (1100, 560);
 /// The nanoseconds a ray of one contender, by place on the axis.
 struct Curve {
     name: String,
+    /// Of the line and of the points: ours are broad and full, those of other libraries thin and hollow.
+    styles: [ShapeStyle; 2],
     /// x, and the median with its quartiles.
     points: Vec<(f64, [f64; 3])>,
 }
@@ -60,16 +62,20 @@ impl Bench {
                     .y_label_formatter(&|y| format!("{y:.0}"))
                     .light_line_style(WHITE)
                     .draw()?;
-                for (i, curve) in curves.iter().enumerate() {
-                    let color = color(i);
+                for curve in &curves {
+                    let [stroke, marker] = curve.styles;
                     let line = curve.points.iter().map(|&(x, [_, median, _])| (x, median));
                     chart
-                        .draw_series(LineSeries::new(line.clone(), color.stroke_width(2)))?
+                        .draw_series(LineSeries::new(line.clone(), stroke))?
                         .label(curve.name.as_str())
-                        .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
-                    chart.draw_series(line.map(|point| Circle::new(point, 3, color.filled())))?;
+                        .legend(move |(x, y)| {
+                            EmptyElement::at((x, y))
+                                + PathElement::new([(0, 0), (18, 0)], stroke)
+                                + Circle::new((9, 0), 3, marker)
+                        });
+                    chart.draw_series(line.map(|point| Circle::new(point, 3, marker)))?;
                     chart.draw_series(curve.points.iter().map(|&(x, [low, _, high])| {
-                        PathElement::new([(x, low), (x, high)], color.stroke_width(1))
+                        PathElement::new([(x, low), (x, high)], stroke.stroke_width(1))
                     }))?;
                 }
                 legend(&mut chart)?;
@@ -96,13 +102,13 @@ impl Bench {
                     .y_label_formatter(&|y| format!("{y:.0}"))
                     .light_line_style(WHITE)
                     .draw()?;
-                for (i, curve) in curves.iter().enumerate() {
-                    let color = color(i);
+                for curve in &curves {
+                    let marker = curve.styles[1];
                     let points = curve.points.iter().map(|&(x, [_, median, _])| (x, median));
                     chart
-                        .draw_series(points.map(|point| Circle::new(point, 4, color.filled())))?
+                        .draw_series(points.map(|point| Circle::new(point, 4, marker)))?
                         .label(curve.name.as_str())
-                        .legend(move |(x, y)| Circle::new((x + 9, y), 4, color.filled()));
+                        .legend(move |(x, y)| Circle::new((x + 9, y), 4, marker));
                 }
                 // The colours are those of the other chart, if there is one.
                 if spheres.is_empty() {
@@ -164,14 +170,19 @@ impl Bench {
 /// The curves that have points, in the order of the sources.
 #[expect(clippy::cast_precision_loss, reason = "counts below 2^53")]
 fn curves(sources: &[Source<'_>], rows: &[&BenchRow], place: &dyn Fn(&BenchRow, usize) -> f64) -> Vec<Curve> {
-    let curve = |source: &Source<'_>| {
+    let n_ours = sources.iter().filter(|source| matches!(source, Source::One(_))).count();
+    let curve = |(number, source): (usize, &Source<'_>)| {
         let points = rows.iter().enumerate().filter_map(|(i, row)| {
             let times = source.frame(row)?;
             Some((place(row, i), times.map(|time| time * 1e6 / row.rays() as f64)))
         });
-        Curve { name: source.name(), points: points.collect() }
+        let styles = match source {
+            Source::One(_) => [color(number).stroke_width(2), color(number).filled()],
+            Source::Best(_) => [color(number - n_ours).stroke_width(1); 2],
+        };
+        Curve { name: source.name(), styles, points: points.collect() }
     };
-    sources.iter().map(curve).collect()
+    sources.iter().enumerate().map(curve).collect()
 }
 
 /// From the least to the greatest time, with some room.
