@@ -10,12 +10,13 @@ use rayset_simd::{Lanes, Simd};
 
 use crate::batch::Query;
 use crate::descent::{Descent, OfPacket, OfTile};
+use crate::exact::Exact;
 use crate::frame::Frame;
 use crate::hierarchy::{AnyHit, Hierarchy, NearestHit, OfRay, RayList, Scratch, Wide, Width};
 use crate::packet::{Approach, Packet, RayColumns, level};
 use crate::shaft::Shaft;
 use crate::shapes::Hit;
-use crate::together::{Exact, Hidden, Nearest, Question};
+use crate::together::{Hidden, Nearest, Question};
 
 /// A shaft may take as many steps as its rays would take otherwise, where shafts have paid of late; where they have not,
 /// one in so many: they must pay well to be given time.

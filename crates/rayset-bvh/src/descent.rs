@@ -9,11 +9,12 @@
 
 use rayset_simd::{LaneMask, Part, Simd};
 
+use crate::exact::Exact;
 use crate::hierarchy::Scratch;
 use crate::node::{Child, Tree};
 use crate::packet::Packet;
 use crate::shaft::Shaft;
-use crate::together::{Exact, Progress, Question};
+use crate::together::{Progress, Question};
 
 /// What it costs to test a primitive against the rays of a packet, in steps.
 const PACKET_TEST_STEPS: u64 = 2;

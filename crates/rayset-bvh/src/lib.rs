@@ -23,6 +23,7 @@ mod build;
 mod bundle;
 mod descent;
 mod duplicates;
+mod exact;
 mod fans;
 mod frame;
 mod hierarchy;

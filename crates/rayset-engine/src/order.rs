@@ -12,8 +12,8 @@ pub enum PixelOrder {
     Serpentine,
     /// Square tiles of this many pixels a side, row by row; inside a tile row by row.
     Tiles(u32),
-    /// Such tiles; inside a tile along the Z-order curve, so that any 4, 16 or 64 pixels that follow one another are a
-    /// square too, where the tile has its full size.
+    /// Such tiles; inside a tile along the Z-order curve: counted from its first pixel, each 4, each 16 and each 64 are a
+    /// square, where the tile has its full size and that is a power of two.
     ///
     /// Source: Morton 1966, "A computer oriented geodetic data base and a new technique in file sequencing".
     Morton(u32),
