@@ -83,7 +83,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
     use rayset_geometry::{BoundingBox, Cone, Primitive, PrimitiveColumns, Ray, Sides, Span};
-    use rayset_simd::{Backend, Kernel};
+    use rayset_simd::{Backend, Kernel, Scalar};
 
     use super::*;
     use crate::ray::CullRay;
@@ -121,8 +121,10 @@ mod tests {
                     continue;
                 };
                 let frame = Frame::of(&BoundingBox { min: place(DVec3::NEG_ONE), max: place(DVec3::ONE) });
-                let Some(cull) = CullRay::new(&frame, &ray, Span::FORWARD) else { continue };
-                let mut leaf = LeafRay::new(simd, &cull, false);
+                let Some(cull) = CullRay::new::<_, 8>(Scalar, &frame, &ray, Span::FORWARD, true) else {
+                    continue;
+                };
+                let mut leaf = LeafRay::new(simd, &cull);
                 leaf.unit *= self.factor;
                 let mut columns = PrimitiveColumns::default();
                 let run = columns.push(&cone.into(), Sides::Both);

@@ -3,7 +3,7 @@
 use rayset_geometry::{Primitive, PrimitiveColumns, Ray, Side, Sides, Span, Sphere, Triangle};
 use rayset_simd::{Backend, Kernel, Simd};
 
-use crate::{Hierarchy, Hit, RayList};
+use crate::{Hierarchy, Hit, RayColumns, RayList};
 
 /// What is asked about a ray of a list.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,7 +104,12 @@ impl Kernel for NearestBatch<'_> {
     fn run<S: Simd>(self, simd: S) {
         let Self { hierarchy, queries, answers } = self;
         answers.reserve(queries.len());
-        hierarchy.nearest_each(simd, &mut List { queries, answers }, &mut hierarchy.scratch());
+        let mut scratch = hierarchy.scratch();
+        let mut columns = Box::new(Columns::NONE);
+        for queries in queries.chunks(CHUNK) {
+            let rays = columns.fill(queries);
+            hierarchy.nearest_each(simd, &mut List { rays, queries, answers }, &mut scratch);
+        }
     }
 }
 
@@ -120,24 +125,56 @@ impl Kernel for OccludedBatch<'_> {
     fn run<S: Simd>(self, simd: S) {
         let Self { hierarchy, queries, answers } = self;
         answers.reserve(queries.len());
-        hierarchy.occluded_each(simd, &mut List { queries, answers }, &mut hierarchy.scratch());
+        let mut scratch = hierarchy.scratch();
+        let mut columns = Box::new(Columns::NONE);
+        for queries in queries.chunks(CHUNK) {
+            let rays = columns.fill(queries);
+            hierarchy.occluded_each(simd, &mut List { rays, queries, answers }, &mut scratch);
+        }
+    }
+}
+
+/// How many queries are put into columns at a time.
+const CHUNK: usize = 64;
+
+/// Queries as columns: origins, directions, starts and ends of spans.
+pub(crate) struct Columns([[f64; CHUNK]; 8]);
+
+impl Columns {
+    pub(crate) const NONE: Self = Self([[0.0; CHUNK]; 8]);
+
+    /// Takes queries in, as many as there is room for.
+    #[inline(always)]
+    pub(crate) fn fill(&mut self, queries: &[Query]) -> RayColumns<'_> {
+        for (i, query) in queries.iter().enumerate() {
+            let (origin, direction) = (query.ray.origin(), query.ray.direction());
+            for k in 0..3 {
+                self.0[k][i] = origin[k];
+                self.0[3 + k][i] = direction[k];
+            }
+            self.0[6][i] = query.span.start;
+            self.0[7][i] = query.span.end;
+        }
+        let [ox, oy, oz, dx, dy, dz, starts, ends] = self.0.each_ref().map(|column| &column[..queries.len()]);
+        RayColumns { origins: [ox, oy, oz], directions: [dx, dy, dz], spans: (starts, ends), left: &[] }
     }
 }
 
 /// Queries and their answers.
 struct List<'a, A> {
+    rays: RayColumns<'a>,
     queries: &'a [Query],
     answers: &'a mut Vec<A>,
 }
 
-impl<A> RayList<A> for List<'_, A> {
+impl<'r, A> RayList<'r, A> for List<'r, A> {
     #[inline(always)]
-    fn rays(&self) -> usize {
-        self.queries.len()
+    fn columns(&self) -> RayColumns<'r> {
+        self.rays
     }
     #[inline(always)]
-    fn ray(&self, i: usize) -> Query {
-        self.queries[i]
+    fn left(&self, i: usize) -> Option<(u32, Side)> {
+        self.queries[i].from
     }
     #[inline(always)]
     fn answer(&mut self, answer: A) {

@@ -3,11 +3,12 @@
 use rayset_geometry::{BoundingBox, Ray, Span};
 use rayset_simd::{Backend, Kernel, Lanes, Simd};
 
+use crate::batch::Columns;
 use crate::build::{Reference, build};
 use crate::frame::Frame;
 use crate::hierarchy::ahead;
 use crate::node::Tree;
-use crate::ray::CullRay;
+use crate::ray::{CullRay, CullRays};
 use crate::traverse::{Stack, Steps, Visitor, traverse};
 use crate::{Hit, Query};
 
@@ -207,17 +208,22 @@ impl<const W: usize> Wide<W> {
     fn run<S: Simd>(&self, simd: S, frame: &Frame, queries: &[Query], search: &mut impl Search) {
         let mut stack = Stack::of(&self.tree);
         let mut steps = Steps::default();
-        for query in queries {
-            let query = Query { span: ahead(query.span), ..*query };
-            let Some(cull) = CullRay::new(frame, &query.ray, query.span) else {
-                search.miss();
-                continue;
-            };
-            let end = cull.end(query.span.end);
-            let mut visit = Visit { wide: self, cull, end, query, nearest: None, search };
-            traverse(simd, &self.tree, &mut stack, &cull, end, &mut steps, &mut visit);
-            let nearest = visit.nearest;
-            search.finish(nearest);
+        let mut columns = Columns::NONE;
+        let mut prepared = CullRays::<W>::NONE;
+        for queries in queries.chunks(W) {
+            prepared.prepare(simd, frame, &columns.fill(queries), (0, queries.len()), false);
+            for (lane, query) in queries.iter().enumerate() {
+                let query = Query { span: ahead(query.span), ..*query };
+                let Some(cull) = prepared.ray(lane) else {
+                    search.finish(None);
+                    continue;
+                };
+                let end = cull.end_above;
+                let mut visit = Visit { wide: self, cull, end, query, nearest: None, search };
+                traverse(simd, &self.tree, &mut stack, &cull, end, &mut steps, &mut visit);
+                let nearest = visit.nearest;
+                search.finish(nearest);
+            }
         }
     }
 }
@@ -232,11 +238,6 @@ trait Search {
 
     /// Takes the answer for a ray.
     fn finish(&mut self, nearest: Option<Hit>);
-
-    /// Takes the answer for a ray that meets no box.
-    fn miss(&mut self) {
-        self.finish(None);
-    }
 }
 
 struct NearestOf<F, A> {

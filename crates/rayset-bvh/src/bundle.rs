@@ -8,7 +8,6 @@ use std::ops::Range;
 
 use rayset_simd::{Lanes, Simd};
 
-use crate::batch::Query;
 use crate::descent::{Descent, OfPacket, OfTile};
 use crate::exact::Exact;
 use crate::frame::Frame;
@@ -212,7 +211,7 @@ trait List {
     /// What a packet asks for.
     type Asked<S: Simd, const W: usize>: Question<S, W>;
     /// What a ray by itself asks for.
-    type OfRay: OfRay<Answer: Copy> + Default;
+    type OfRay: OfRay + Default;
 
     /// Where the answers go.
     fn places(&mut self) -> &mut [<Self::OfRay as OfRay>::Answer];
@@ -277,22 +276,22 @@ impl List for Occluded<'_> {
 
 /// Rays that are traced one by one; places hold upper bounds if something is known of them.
 struct Alone<'a, A, const KNOWN: bool> {
-    rays: RayColumns<'a>,
+    rays: &'a RayColumns<'a>,
+    range: Range<usize>,
     places: &'a mut [A],
     /// The place of the next answer.
     next: usize,
 }
 
-impl<A: Copy, const KNOWN: bool> RayList<A> for Alone<'_, A, KNOWN> {
+impl<'r, A: Copy, const KNOWN: bool> RayList<'r, A> for Alone<'r, A, KNOWN> {
     #[inline(always)]
-    fn rays(&self) -> usize {
-        self.places.len()
+    fn columns(&self) -> RayColumns<'r> {
+        *self.rays
     }
 
     #[inline(always)]
-    fn ray(&self, i: usize) -> Query {
-        let (ray, span) = self.rays.ray(i);
-        Query { ray, span, from: self.rays.left(i) }
+    fn range(&self) -> Range<usize> {
+        self.range.clone()
     }
 
     #[inline(always)]
@@ -363,8 +362,8 @@ impl<const W: usize> Wide<W> {
     ) {
         let n = range.len() as u64;
         let before = scratch.single.steps;
-        let rays = rays.cut(range.clone());
-        let mut alone = Alone::<_, KNOWN> { rays, places: &mut list.places()[range], next: 0 };
+        let next = range.start;
+        let mut alone = Alone::<_, KNOWN> { rays, range, places: list.places(), next };
         self.each(simd, frame, L::OfRay::default(), &mut alone, &mut scratch.single);
         let after = scratch.single.steps;
         let (steps, alone) = &mut scratch.classes[class].alone;

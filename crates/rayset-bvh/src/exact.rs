@@ -1,11 +1,11 @@
-//! What packets have found, in double precision: one by one, or a ray and its primitive a lane.
+//! What was found, in double precision: one by one, or a ray and its primitive a lane.
 
-use rayset_geometry::{PrimitiveKind, RayLanes, Shear, ShearedLanes, Sides, Sphere, Triangle};
+use rayset_geometry::{PrimitiveKind, RayLanes, ShearedLanes, Side, Sides, Sphere, Triangle};
 use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::Frame;
-use crate::packet::{Packet, RayColumns};
-use crate::shapes::{Hit, Run, Shapes};
+use crate::packet::RayColumns;
+use crate::shapes::{Hit, Shapes};
 
 /// How many bits of a record's number say where in its run it stands.
 pub(crate) const PLACE_BITS: u32 = 4;
@@ -28,46 +28,52 @@ pub(crate) struct Exact<'a, const W: usize> {
 }
 
 impl<const W: usize> Exact<'_, W> {
+    /// The primitive of a record.
     #[inline(always)]
-    pub(crate) fn run_of(&self, record: u32) -> &Run {
-        &self.shapes.runs()[(record >> PLACE_BITS) as usize]
+    pub(crate) fn sure(&self, record: u32) -> Sure {
+        let run = &self.shapes.runs()[(record >> PLACE_BITS) as usize];
+        Sure { kind: run.kind, index: run.first + (record & ((1 << PLACE_BITS) - 1)), sides: run.sides }
     }
 
     /// The exact hit of a ray of the columns, if there is one, of a record.
     #[inline(never)]
     pub(crate) fn hit(&self, ray: usize, record: u32) -> Option<Hit> {
-        let run = self.run_of(record);
-        let index = run.first + (record & ((1 << PLACE_BITS) - 1));
         let departure = self.shapes.departure(self.rays.left(ray));
         let (ray, span) = self.rays.ray(ray);
-        self.shapes.exact_alone(&ray, span, departure, run, index)
+        self.shapes.exact_alone(&ray, span, departure, &self.sure(record))
     }
+}
+
+/// A primitive that is surely hit, and the sides it can be hit from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sure {
+    pub(crate) kind: PrimitiveKind,
+    pub(crate) index: u32,
+    pub(crate) sides: Sides,
+}
+
+impl Sure {
+    /// What stands where there is none.
+    pub(crate) const NONE: Self = Self { kind: PrimitiveKind::Sphere, index: u32::MAX, sides: Sides::Both };
 }
 
 /// Rays of which each is tested against a primitive of its own, a lane each.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Pairs<S: Simd> {
+struct Pairs<'a, S: Simd> {
     rays: RayLanes<S>,
     span: [S::F64; 2],
+    left: &'a [Option<(u32, Side)>],
 }
 
-impl<S: Simd> Pairs<S> {
-    /// The rays of columns from a place on.
-    #[inline(always)]
-    pub(crate) fn new(simd: S, columns: &RayColumns<'_>, at: usize) -> Self {
-        let zero = simd.splat_f64(0.0);
-        let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
-        for k in 0..3 {
-            origin[k] = simd.load_f64(&columns.origins[k][at..]);
-            direction[k] = simd.load_f64(&columns.directions[k][at..]);
-        }
-        let (starts, ends) = columns.spans;
-        let span = [simd.load_f64(&starts[at..]).max(zero), simd.load_f64(&ends[at..])];
-        Self { rays: RayLanes { origin, direction }, span }
-    }
+/// Rays of columns, and what each leaves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Departing<'a> {
+    pub(crate) rays: RayColumns<'a>,
+    /// The number of the first of them.
+    pub(crate) first: usize,
+    pub(crate) left: &'a [Option<(u32, Side)>],
 }
 
-/// The lanes of pairs that were asked for and are tested, and those whose front and back may be hit.
+/// The lanes of pairs that are tested, and those whose front and back may be hit.
 #[derive(Clone, Copy, Debug, Default)]
 struct Wanted {
     lanes: u32,
@@ -76,23 +82,32 @@ struct Wanted {
 }
 
 impl Wanted {
-    /// Adds a lane that leaves its primitive, or not, and into its front.
+    /// Adds a lane.
     #[inline(always)]
-    fn add(&mut self, lane: usize, run: &Run, (leaves, outwards): (bool, bool)) {
-        let never_again = if run.kind == PrimitiveKind::Triangle { leaves } else { outwards };
+    fn add(&mut self, lane: usize, sure: &Sure, primitive: u32, left: &[Option<(u32, Side)>]) {
+        let (leaves, outwards) = match left.get(lane) {
+            Some(&Some((left, side))) => (left == primitive, left == primitive && side == Side::Front),
+            _ => (false, false),
+        };
+        let never_again = if sure.kind == PrimitiveKind::Triangle { leaves } else { outwards };
         self.lanes |= 1 << lane;
-        self.front |= u32::from(run.sides != Sides::Back && !leaves) << lane;
-        self.back |= u32::from(run.sides != Sides::Front && !never_again) << lane;
+        self.front |= u32::from(sure.sides != Sides::Back && !leaves) << lane;
+        self.back |= u32::from(sure.sides != Sides::Front && !never_again) << lane;
     }
 
-    /// Writes the hits of the lanes that were wanted; gives these.
+    #[inline(always)]
+    fn sides<S: Simd>(&self, simd: S) -> (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask) {
+        (simd.mask_f64(self.front), simd.mask_f64(self.back))
+    }
+
+    /// Writes the hits of the lanes that were wanted.
     #[inline(always)]
     fn write<L: Lanes<Scalar = f64>, const W: usize>(
         &self,
         (is_hit, t): (L::Mask, L),
         primitives: &[u32; W],
         found: &mut [Option<Hit>],
-    ) -> u32 {
+    ) {
         let mut hits = is_hit.bits() & self.lanes;
         debug_assert_eq!(hits, self.lanes, "a sure hit is one");
         let mut distances = [0.0; W];
@@ -102,20 +117,66 @@ impl Wanted {
             hits &= hits - 1;
             found[lane] = Some(Hit { t: distances[lane], primitive: primitives[lane] });
         }
-        self.lanes
     }
 }
 
-impl<const W: usize> Exact<'_, W> {
-    /// Of some rays of a packet, counted from a lane on, the exact hits of spheres; gives the rays that have one.
+impl<const W: usize> Shapes<W> {
+    /// The exact hits of rays, each of the primitive that it surely hits; only of those whose bit is set.
     #[inline(always)]
-    pub(crate) fn spheres<S: Simd>(
+    pub(crate) fn resolve_all<S: Simd>(
         &self,
         simd: S,
-        packet: &Packet<S, W>,
-        pairs: &Pairs<S>,
-        records: &[u32],
-        (first, mut lanes): (usize, u32),
+        departing: &Departing<'_>,
+        sure: &[Sure; W],
+        mut lanes: u32,
+        found: &mut [Option<Hit>],
+    ) {
+        let Departing { rays, first, left } = *departing;
+        let pairs = S::F64::LANES;
+        let mut lane = 0;
+        while lanes >> lane != 0 && first + lane + pairs <= rays.len() {
+            let at = first + lane;
+            let wanted = lanes >> lane & (u32::MAX >> (32 - pairs));
+            if wanted != 0 {
+                let zero = simd.splat_f64(0.0);
+                let mut pair = RayLanes { origin: [zero; 3], direction: [zero; 3] };
+                for k in 0..3 {
+                    pair.origin[k] = simd.load_f64(&rays.origins[k][at..]);
+                    pair.direction[k] = simd.load_f64(&rays.directions[k][at..]);
+                }
+                let start = simd.load_f64(&rays.spans.0[at..]).max(zero);
+                let span = [start, simd.load_f64(&rays.spans.1[at..])];
+                let pairs = Pairs { rays: pair, span, left: left.get(lane..).unwrap_or(&[]) };
+                let mut answered = 0;
+                if !self.is_only(PrimitiveKind::Triangle) {
+                    answered |= self.resolve_spheres(simd, &pairs, &sure[lane..], wanted, &mut found[lane..]);
+                }
+                if !self.is_only(PrimitiveKind::Sphere) {
+                    answered |=
+                        self.resolve_triangles(simd, &pairs, &sure[lane..], wanted, &mut found[lane..]);
+                }
+                lanes &= !(answered << lane);
+            }
+            lane += pairs;
+        }
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let (ray, span) = rays.ray(first + lane);
+            let departure = self.departure(left.get(lane).copied().flatten());
+            found[lane] = self.exact_alone(&ray, span, departure, &sure[lane]);
+            debug_assert!(found[lane].is_some(), "a sure hit is one");
+        }
+    }
+
+    /// Of the lanes that hit spheres, the exact hits; gives these lanes.
+    #[inline(always)]
+    fn resolve_spheres<S: Simd>(
+        &self,
+        simd: S,
+        pairs: &Pairs<'_, S>,
+        sure: &[Sure],
+        mut lanes: u32,
         found: &mut [Option<Hit>],
     ) -> u32 {
         let mut spheres = [[0.0; W]; 4];
@@ -124,39 +185,36 @@ impl<const W: usize> Exact<'_, W> {
         while lanes != 0 {
             let i = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
-            let run = self.run_of(records[i]);
-            if run.kind != PrimitiveKind::Sphere {
+            let sure = &sure[i];
+            if sure.kind != PrimitiveKind::Sphere {
                 continue;
             }
-            let place = records[i] & ((1 << PLACE_BITS) - 1);
-            let sphere = self.shapes.sphere(run.first + place);
-            primitives[i] = self.shapes.number(run, place);
+            let sphere = self.sphere(sure.index);
+            primitives[i] = self.number(sure.kind, sure.index);
             let [x, y, z] = sphere.center().to_array();
             for (column, value) in spheres.iter_mut().zip([x, y, z, sphere.radius()]) {
                 column[i] = value;
             }
-            wanted.add(i, run, packet.leaves_from(first + i, primitives[i]));
+            wanted.add(i, sure, primitives[i], pairs.left);
         }
-        if wanted.lanes == 0 {
-            return 0;
+        if wanted.lanes != 0 {
+            let [x, y, z, radius] = &spheres;
+            let center = [simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)];
+            let sphere = (center, simd.load_f64(radius));
+            let hits = Sphere::intersect_pairs(simd, &pairs.rays, pairs.span, sphere, wanted.sides(simd));
+            wanted.write(hits, &primitives, found);
         }
-        let [x, y, z, radius] = &spheres;
-        let center = [simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)];
-        let sphere = (center, simd.load_f64(radius));
-        let sides = (simd.mask_f64(wanted.front), simd.mask_f64(wanted.back));
-        let hits = Sphere::intersect_pairs(simd, &pairs.rays, pairs.span, sphere, sides);
-        wanted.write(hits, &primitives, &mut found[first..])
+        wanted.lanes
     }
 
-    /// The same for triangles, of the rays whose shear has the axes of the first.
+    /// The same of triangles.
     #[inline(always)]
-    pub(crate) fn triangles<S: Simd>(
+    fn resolve_triangles<S: Simd>(
         &self,
         simd: S,
-        packet: &Packet<S, W>,
-        pairs: &Pairs<S>,
-        records: &[u32],
-        (first, mut lanes): (usize, u32),
+        pairs: &Pairs<'_, S>,
+        sure: &[Sure],
+        mut lanes: u32,
         found: &mut [Option<Hit>],
     ) -> u32 {
         let mut corners = [[[0.0; W]; 3]; 3];
@@ -165,38 +223,29 @@ impl<const W: usize> Exact<'_, W> {
         while lanes != 0 {
             let i = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
-            let run = self.run_of(records[i]);
-            if run.kind != PrimitiveKind::Triangle {
+            let sure = &sure[i];
+            if sure.kind != PrimitiveKind::Triangle {
                 continue;
             }
-            let place = records[i] & ((1 << PLACE_BITS) - 1);
-            primitives[i] = self.shapes.number(run, place);
-            let vertices = self.shapes.triangle(run.first + place).vertices();
+            primitives[i] = self.number(sure.kind, sure.index);
+            let vertices = self.triangle(sure.index).vertices();
             for (columns, vertex) in corners.iter_mut().zip(vertices) {
                 for (column, value) in columns.iter_mut().zip(vertex.to_array()) {
                     column[i] = value;
                 }
             }
-            wanted.add(i, run, packet.leaves_from(first + i, primitives[i]));
+            wanted.add(i, sure, primitives[i], pairs.left);
         }
-        if wanted.lanes == 0 {
-            return 0;
-        }
-        let at = packet.first + first + wanted.lanes.trailing_zeros() as usize;
-        let [x, y, z] = self.rays.directions;
-        let axes = Shear::axes_of([x[at], y[at], z[at]]);
-        let (rays, is_alike) = ShearedLanes::along(simd, axes, &pairs.rays, pairs.span);
-        let is_alike = is_alike.bits();
-        wanted.lanes &= is_alike;
-        let zero = simd.splat_f64(0.0);
-        let mut vertices = [[zero; 3]; 3];
-        for (vertex, columns) in vertices.iter_mut().zip(&corners) {
-            for k in 0..3 {
-                vertex[k] = simd.load_f64(&columns[axes[k]]);
+        if wanted.lanes != 0 {
+            let (rays, axes) = ShearedLanes::of(simd, &pairs.rays, pairs.span);
+            let zero = simd.splat_f64(0.0);
+            let mut vertices = [[zero; 3]; 3];
+            for (vertex, [x, y, z]) in vertices.iter_mut().zip(&corners) {
+                *vertex = axes.order([simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)]);
             }
+            let hits = Triangle::intersect_pairs(simd, &rays, vertices, wanted.sides(simd));
+            wanted.write(hits, &primitives, found);
         }
-        let sides = (simd.mask_f64(wanted.front & is_alike), simd.mask_f64(wanted.back & is_alike));
-        let hits = Triangle::intersect_pairs(simd, &rays, vertices, sides);
-        wanted.write(hits, &primitives, &mut found[first..])
+        wanted.lanes
     }
 }

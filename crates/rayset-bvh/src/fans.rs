@@ -158,7 +158,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
     use rayset_geometry::{BoundingBox, Polygon, Primitive, Ray, Side, Sides, Span};
-    use rayset_simd::{Backend, Kernel};
+    use rayset_simd::{Backend, Kernel, Scalar};
 
     use super::*;
     use crate::ray::CullRay;
@@ -234,8 +234,10 @@ mod tests {
                 // From nearby, where coordinates are long beside distances.
                 let eye = if case % 7 == 0 { target + 1e-2 * (DVec3::Z + 0.5 * dice.point()) } else { far };
                 let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
-                let Some(cull) = CullRay::new(&frame, &ray, Span::FORWARD) else { continue };
-                let mut leaf = LeafRay::new(simd, &cull, true);
+                let Some(cull) = CullRay::new::<_, 8>(Scalar, &frame, &ray, Span::FORWARD, true) else {
+                    continue;
+                };
+                let mut leaf = LeafRay::new(simd, &cull);
                 leaf.unit *= self.factor;
                 let vertices = polygon.vertices();
                 let found = if S::F32::LANES == 16 {

@@ -2,19 +2,23 @@
 
 use std::hint::black_box;
 use std::marker::PhantomData;
+use std::ops::Range;
 
 use rayon::prelude::*;
-use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, Ray, Side, Sides, Span};
+use rayset_geometry::{
+    BoundingBox, Departure, Primitive, PrimitiveColumns, PrimitiveKind, Ray, Side, Sides, Span,
+};
 use rayset_simd::{Backend, Kernel, Lanes, Part, Simd};
 
-use crate::batch::Query;
 use crate::build::{Reference, build};
 use crate::duplicates::superfluous;
+use crate::exact::{Departing, Sure};
 use crate::fans::fan_len;
 use crate::frame::Frame;
 use crate::node::Tree;
-use crate::ray::CullRay;
-use crate::shapes::{Anything, Content, Hit, Nearest, OnlySpheres, OnlyTriangles, Prepared, Shapes};
+use crate::packet::RayColumns;
+use crate::ray::{CullRay, CullRays};
+use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Prepared, Shapes};
 use crate::traverse::{Stack, Steps, Visitor, is_stopped, traverse};
 
 /// A bounding volume hierarchy over primitives of any shape.
@@ -173,10 +177,10 @@ impl Hierarchy {
     ///
     /// If the lanes are others, or a ray leaves a primitive that does not exist.
     #[inline(always)]
-    pub fn nearest_each<S: Simd>(
+    pub fn nearest_each<'r, S: Simd>(
         &self,
         simd: S,
-        rays: &mut impl RayList<Option<Hit>>,
+        rays: &mut impl RayList<'r, Option<Hit>>,
         scratch: &mut Scratch,
     ) {
         match &self.width {
@@ -196,7 +200,12 @@ impl Hierarchy {
     ///
     /// If the lanes are others, or a ray leaves a primitive that does not exist.
     #[inline(always)]
-    pub fn occluded_each<S: Simd>(&self, simd: S, rays: &mut impl RayList<bool>, scratch: &mut Scratch) {
+    pub fn occluded_each<'r, S: Simd>(
+        &self,
+        simd: S,
+        rays: &mut impl RayList<'r, bool>,
+        scratch: &mut Scratch,
+    ) {
         match &self.width {
             Width::Eight(wide) if S::F32::LANES == 8 => wide.each(simd, &self.frame, AnyHit, rays, scratch),
             Width::Sixteen(wide) if S::F32::LANES == 16 => {
@@ -228,32 +237,52 @@ impl Hierarchy {
 /// Rays that are traced one by one, and where their answers go.
 ///
 /// Mark the methods `#[inline(always)]`: they are called in the innermost loop, once a ray.
-pub trait RayList<A> {
-    /// How many rays there are.
-    fn rays(&self) -> usize;
-    /// A ray, the part of it that counts, and what it leaves.
-    fn ray(&self, i: usize) -> Query;
-    /// What is known of it already: a hit, than which only nearer ones count, or that it hits something.
+pub trait RayList<'r, A> {
+    /// Columns that hold the rays and the parts of them that count, all equally long.
+    fn columns(&self) -> RayColumns<'r>;
+    /// Which rays of the columns are traced; others are only read.
+    #[inline(always)]
+    fn range(&self) -> Range<usize> {
+        0..self.columns().len()
+    }
+    /// The primitive that a ray of the columns leaves, and into which of its sides.
+    #[inline(always)]
+    fn left(&self, i: usize) -> Option<(u32, Side)> {
+        self.columns().left(i)
+    }
+    /// What is known of a ray already: a hit, than which only nearer ones count, or that it hits something.
     #[inline(always)]
     fn known(&self, _i: usize) -> Option<A> {
         None
     }
-    /// Takes the answer of the ray that was asked for last.
+    /// Takes the answer of the next ray, in order.
     fn answer(&mut self, answer: A);
 }
 
 /// What is asked about rays.
 pub(crate) trait OfRay: Copy {
-    type Answer;
+    type Answer: Copy;
+    /// What a traversal finds.
+    type Found: Copy;
+    /// What is found where there is nothing.
+    const NOTHING: Self::Found;
     fn ask<S: Simd, C: Content, const W: usize>(
         self,
         simd: S,
         wide: &Wide<W>,
-        frame: &Frame,
-        query: &Query,
+        traced: &Traced,
         known: Option<Self::Answer>,
         scratch: &mut Scratch,
-    ) -> Self::Answer;
+    ) -> Self::Found;
+    /// The answers to rays, by what was found.
+    fn answer<S: Simd, const W: usize>(
+        self,
+        simd: S,
+        wide: &Wide<W>,
+        departing: &Departing<'_>,
+        found: &[Self::Found; W],
+        answers: impl FnMut(Self::Answer),
+    );
 }
 
 /// What is hit first.
@@ -265,38 +294,84 @@ pub(crate) struct AnyHit;
 
 impl OfRay for NearestHit {
     type Answer = Option<Hit>;
+    type Found = Nearest;
+    const NOTHING: Nearest = Nearest::NONE;
 
     #[inline(always)]
     fn ask<S: Simd, C: Content, const W: usize>(
         self,
         simd: S,
         wide: &Wide<W>,
-        frame: &Frame,
-        query: &Query,
+        traced: &Traced,
         known: Option<Self::Answer>,
         scratch: &mut Scratch,
-    ) -> Option<Hit> {
-        let Query { ray, span, from } = query;
-        wide.nearest_of::<S, C>(simd, frame, ray, ahead(*span), *from, known.flatten(), scratch)
+    ) -> Nearest {
+        wide.nearest_of::<S, C>(simd, traced, known.flatten(), scratch)
+    }
+
+    #[inline(always)]
+    fn answer<S: Simd, const W: usize>(
+        self,
+        simd: S,
+        wide: &Wide<W>,
+        departing: &Departing<'_>,
+        found: &[Nearest; W],
+        mut answers: impl FnMut(Option<Hit>),
+    ) {
+        let (mut sure, mut lanes, mut hits) = ([Sure::NONE; W], 0, [None; W]);
+        let n = departing.left.len();
+        for lane in 0..n {
+            match found[lane].found {
+                Found::Nothing => {}
+                Found::Sure(found) => {
+                    sure[lane] = found;
+                    lanes |= 1 << lane;
+                }
+                Found::At(known) => hits[lane] = Some(known),
+            }
+        }
+        wide.shapes.resolve_all(simd, departing, &sure, lanes, &mut hits);
+        hits[..n].iter().copied().for_each(&mut answers);
     }
 }
 
 impl OfRay for AnyHit {
     type Answer = bool;
+    type Found = bool;
+    const NOTHING: bool = false;
 
     #[inline(always)]
     fn ask<S: Simd, C: Content, const W: usize>(
         self,
         simd: S,
         wide: &Wide<W>,
-        frame: &Frame,
-        query: &Query,
+        traced: &Traced,
         known: Option<Self::Answer>,
         scratch: &mut Scratch,
     ) -> bool {
-        let Query { ray, span, from } = query;
-        known == Some(true) || wide.occluded_of::<S, C>(simd, frame, ray, ahead(*span), *from, scratch)
+        known == Some(true) || wide.occluded_of::<S, C>(simd, traced, scratch)
     }
+
+    #[inline(always)]
+    fn answer<S: Simd, const W: usize>(
+        self,
+        _: S,
+        _: &Wide<W>,
+        departing: &Departing<'_>,
+        found: &[bool; W],
+        mut answers: impl FnMut(bool),
+    ) {
+        found[..departing.left.len()].iter().copied().for_each(&mut answers);
+    }
+}
+
+/// A ray on its way.
+pub(crate) struct Traced {
+    /// In culling space, unless it cannot hit anything.
+    cull: Option<CullRay>,
+    ray: Ray,
+    span: Span,
+    departure: Option<Departure>,
 }
 
 /// A loop over rays, for one content: a function of its own, whose registers are not shared with other loops.
@@ -309,17 +384,35 @@ struct Each<'a, C, Q, R, const W: usize> {
     scratch: &'a mut Scratch,
 }
 
-impl<S: Simd, C: Content, Q: OfRay, R: RayList<Q::Answer>, const W: usize> Part<S> for Each<'_, C, Q, R, W> {
+impl<'r, S: Simd, C: Content, Q: OfRay, R: RayList<'r, Q::Answer>, const W: usize> Part<S>
+    for Each<'_, C, Q, R, W>
+{
     type Output = ();
 
     #[inline(always)]
     fn run(self, simd: S) {
         let Self { wide, frame, question, rays, scratch, .. } = self;
-        for i in 0..rays.rays() {
-            let query = rays.ray(i);
-            let known = rays.known(i);
-            let answer = question.ask::<S, C, W>(simd, wide, frame, &query, known, scratch);
-            rays.answer(answer);
+        let columns = rays.columns();
+        let columns = columns.cut(0..columns.len());
+        let Range { start: mut first, end } = rays.range();
+        assert!(end <= columns.len(), "there are these rays");
+        let mut prepared = CullRays::<W>::NONE;
+        let mut left = [None; W];
+        let mut found = [Q::NOTHING; W];
+        while first < end {
+            let len = (end - first).min(W);
+            prepared.prepare(simd, frame, &columns, (first, len), wide.is_flat::<C>());
+            for lane in 0..len {
+                let i = first + lane;
+                let (ray, span) = columns.ray(i);
+                left[lane] = rays.left(i);
+                let departure = wide.shapes.departure(left[lane]);
+                let traced = Traced { cull: prepared.ray(lane), ray, span, departure };
+                found[lane] = question.ask::<S, C, W>(simd, wide, &traced, rays.known(i), scratch);
+            }
+            let departing = Departing { rays: columns, first, left: &left[..len] };
+            question.answer(simd, wide, &departing, &found, |answer| rays.answer(answer));
+            first += len;
         }
     }
 }
@@ -380,12 +473,12 @@ impl<const W: usize> Wide<W> {
 
     /// Answers rays one by one.
     #[inline(always)]
-    pub(crate) fn each<S: Simd, Q: OfRay>(
+    pub(crate) fn each<'r, S: Simd, Q: OfRay>(
         &self,
         simd: S,
         frame: &Frame,
         question: Q,
-        rays: &mut impl RayList<Q::Answer>,
+        rays: &mut impl RayList<'r, Q::Answer>,
         scratch: &mut Scratch,
     ) {
         if self.shapes.is_only(PrimitiveKind::Sphere) {
@@ -400,6 +493,26 @@ impl<const W: usize> Wide<W> {
         }
     }
 
+    /// Whether a ray needs a shear.
+    #[inline(always)]
+    fn is_flat<C: Content>(&self) -> bool {
+        C::TRIANGLES && (!C::OTHERS || self.shapes.is_flat())
+    }
+
+    /// Prepares a ray.
+    #[inline(always)]
+    fn traced<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+    ) -> Traced {
+        let cull = CullRay::new::<S, W>(simd, frame, ray, span, self.is_flat::<C>());
+        Traced { cull, ray: *ray, span, departure: self.shapes.departure(from) }
+    }
+
     /// The least of a ray's hits.
     #[inline(always)]
     pub(crate) fn nearest<S: Simd>(
@@ -412,41 +525,57 @@ impl<const W: usize> Wide<W> {
         scratch: &mut Scratch,
     ) -> Option<Hit> {
         if self.shapes.is_only(PrimitiveKind::Sphere) {
-            self.nearest_of::<S, OnlySpheres>(simd, frame, ray, span, from, None, scratch)
+            self.nearest_alone::<S, OnlySpheres>(simd, frame, ray, span, from, scratch)
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {
-            self.nearest_of::<S, OnlyTriangles>(simd, frame, ray, span, from, None, scratch)
+            self.nearest_alone::<S, OnlyTriangles>(simd, frame, ray, span, from, scratch)
         } else {
-            self.nearest_of::<S, Anything>(simd, frame, ray, span, from, None, scratch)
+            self.nearest_alone::<S, Anything>(simd, frame, ray, span, from, scratch)
         }
     }
 
-    /// The least of a ray's hits and one that is known.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "a ray and what it is traced with")]
-    fn nearest_of<S: Simd, C: Content>(
+    fn nearest_alone<S: Simd, C: Content>(
         &self,
         simd: S,
         frame: &Frame,
         ray: &Ray,
         span: Span,
         from: Option<(u32, Side)>,
-        known: Option<Hit>,
         scratch: &mut Scratch,
     ) -> Option<Hit> {
-        let Some(cull) = CullRay::new(frame, ray, span) else { return known };
+        let traced = self.traced::<S, C>(simd, frame, ray, span, from);
+        match self.nearest_of::<S, C>(simd, &traced, None, scratch).found {
+            Found::Nothing => None,
+            Found::At(hit) => Some(hit),
+            Found::Sure(sure) => self.shapes.exact_alone(ray, span, traced.departure, &sure),
+        }
+    }
+
+    /// The least of a ray's hits and one that is known; not yet exactly where it is sure.
+    #[inline(always)]
+    fn nearest_of<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        traced: &Traced,
+        known: Option<Hit>,
+        scratch: &mut Scratch,
+    ) -> Nearest {
+        let Some(cull) = &traced.cull else {
+            return known.map_or(Nearest::NONE, |hit| Nearest { found: Found::At(hit), ..Nearest::NONE });
+        };
         let Scratch { stack, steps, primitive_tests } = scratch;
-        let end = cull.end(known.map_or(span.end, |hit| hit.t));
+        let end = known.map_or(cull.end_above, |hit| cull.end(hit.t));
         let mut visitor = NearestVisitor {
             content: PhantomData::<C>,
             shapes: &self.shapes,
-            ray: self.shapes.prepare::<S, C>(simd, &cull, ray, span, from),
-            cull: &cull,
+            ray: Prepared::new(simd, cull, traced.ray, traced.span, traced.departure),
+            cull,
             end,
-            nearest: known.map_or(Nearest::None, Nearest::At),
+            nearest: known.map_or(Nearest::NONE, |hit| Nearest::at(cull, hit)),
             tests: primitive_tests,
         };
-        traverse(simd, &self.tree, stack, &cull, end, steps, &mut visitor);
-        self.shapes.resolve::<S, C>(&visitor.ray, visitor.nearest)
+        traverse(simd, &self.tree, stack, cull, end, steps, &mut visitor);
+        visitor.nearest
     }
 
     #[inline(always)]
@@ -460,35 +589,30 @@ impl<const W: usize> Wide<W> {
         scratch: &mut Scratch,
     ) -> bool {
         if self.shapes.is_only(PrimitiveKind::Sphere) {
-            self.occluded_of::<S, OnlySpheres>(simd, frame, ray, span, from, scratch)
+            let traced = self.traced::<S, OnlySpheres>(simd, frame, ray, span, from);
+            self.occluded_of::<S, OnlySpheres>(simd, &traced, scratch)
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {
-            self.occluded_of::<S, OnlyTriangles>(simd, frame, ray, span, from, scratch)
+            let traced = self.traced::<S, OnlyTriangles>(simd, frame, ray, span, from);
+            self.occluded_of::<S, OnlyTriangles>(simd, &traced, scratch)
         } else {
-            self.occluded_of::<S, Anything>(simd, frame, ray, span, from, scratch)
+            let traced = self.traced::<S, Anything>(simd, frame, ray, span, from);
+            self.occluded_of::<S, Anything>(simd, &traced, scratch)
         }
     }
 
     #[inline(always)]
-    fn occluded_of<S: Simd, C: Content>(
-        &self,
-        simd: S,
-        frame: &Frame,
-        ray: &Ray,
-        span: Span,
-        from: Option<(u32, Side)>,
-        scratch: &mut Scratch,
-    ) -> bool {
-        let Some(cull) = CullRay::new(frame, ray, span) else { return false };
+    fn occluded_of<S: Simd, C: Content>(&self, simd: S, traced: &Traced, scratch: &mut Scratch) -> bool {
+        let Some(cull) = &traced.cull else { return false };
         let Scratch { stack, steps, primitive_tests } = scratch;
-        let end = cull.end(span.end);
+        let end = cull.end_above;
         let mut visitor = AnyVisitor {
             content: PhantomData::<C>,
             shapes: &self.shapes,
-            ray: self.shapes.prepare::<S, C>(simd, &cull, ray, span, from),
+            ray: Prepared::new(simd, cull, traced.ray, traced.span, traced.departure),
             end,
             tests: primitive_tests,
         };
-        is_stopped(simd, &self.tree, stack, &cull, end, steps, &mut visitor)
+        is_stopped(simd, &self.tree, stack, cull, end, steps, &mut visitor)
     }
 
     fn bytes(&self) -> usize {

@@ -8,7 +8,6 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::ray::CullRay;
 use crate::shaft::Planes;
-use crate::traverse::Aligned;
 
 /// How far the perpendicular from a sphere's centre may be off, in units of the rounding of a coordinate.
 pub const SPHERE_MARGIN: f32 = 34.0;
@@ -52,11 +51,9 @@ pub(crate) struct LeafRay<S: Simd> {
     pub(crate) simd: S,
     pub(crate) origin: [f32; 3],
     pub(crate) direction: [f32; 3],
-    /// The origin, sheared, and the shear's factors: `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`.
-    sheared_origin: [f32; 3],
+    sheared: [f32; 3],
     axes: [usize; 3],
     pub(crate) factors: [f32; 3],
-    /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
     pub(crate) unit: f32,
     /// The span, outwards and inwards.
     pub(crate) start: f32,
@@ -65,44 +62,23 @@ pub(crate) struct LeafRay<S: Simd> {
 }
 
 impl<S: Simd> LeafRay<S> {
-    /// Prepares a ray; it has a shear if flat shapes will be tested.
-    ///
-    /// The shear is that of [`rayset_geometry::Shear`] in single precision; where two components of the direction are as
-    /// large but for their rounding, it may follow another axis.
+    /// What of a ray the leaves need.
     #[inline(always)]
-    pub(crate) fn new(simd: S, cull: &CullRay, is_flat: bool) -> Self {
-        let (mut axes, mut sheared_origin, mut factors) = ([0, 1, 2], [0.0; 3], [0.0; 3]);
-        if is_flat {
-            // Aligned, and so is what a loop over leaves spills.
-            let Aligned(d) = &Aligned(cull.direction);
-            let size = [d[0].abs(), d[1].abs(), d[2].abs()];
-            let z = if size[0] > size[1] { 0 } else { 1 };
-            let z = if size[2] >= size[z] { 2 } else { z };
-            // A mirrored z axis would turn the triangles round.
-            let turn = if d[z] < 0.0 { 2 } else { 1 };
-            let (x, y) = ((z + turn) % 3, (z + 3 - turn) % 3);
-            axes = [x, y, z];
-            let (inverse, oz) = (cull.inverse[z], cull.origin[z]);
-            let (sx, sy) = (-d[x] * inverse, -d[y] * inverse);
-            sheared_origin = [cull.origin[x] + sx * oz, cull.origin[y] + sy * oz, oz];
-            factors = [sx, sy, inverse];
-        }
+    pub(crate) fn new(simd: S, cull: &CullRay) -> Self {
         Self {
             simd,
             origin: cull.origin,
             direction: cull.direction,
-            sheared_origin,
-            axes,
-            factors,
+            sheared: cull.sheared,
+            axes: cull.axes,
+            factors: cull.factors,
             unit: cull.unit,
             start: cull.start,
             start_above: cull.start_above,
             end_below: cull.end_below,
         }
     }
-}
 
-impl<S: Simd> LeafRay<S> {
     #[inline(always)]
     fn span(&self, end: f32) -> SpanLanes<S> {
         let simd = self.simd;
@@ -288,7 +264,7 @@ impl<const W: usize> TriangleBlock<W> {
     #[inline(always)]
     pub(crate) fn vertex<S: Simd>(&self, ray: &LeafRay<S>, first: usize) -> [S::F32; 3] {
         let ([x, y, z], simd) = (ray.axes, ray.simd);
-        let [ox, oy, oz] = splat(simd, ray.sheared_origin);
+        let [ox, oy, oz] = splat(simd, ray.sheared);
         let [sx, sy, _] = splat(simd, ray.factors);
         let z = simd.load_f32(&self.vertices[first + z]);
         let x = simd.load_f32(&self.vertices[first + x]);
@@ -490,11 +466,11 @@ mod tests {
                 let end =
                     dice.pick([f64::INFINITY, distance, distance * (1.0 + 1e-7), distance * (1.0 - 1e-7)]);
                 let span = Span { start: dice.pick([0.0, distance * (1.0 - 1e-7)]), end };
-                let Some(cull) = CullRay::new(&frame, &ray, span) else {
+                let Some(cull) = CullRay::new::<_, 8>(Scalar, &frame, &ray, span, true) else {
                     tally.lost += 1;
                     continue;
                 };
-                let mut leaf = LeafRay::new(simd, &cull, true);
+                let mut leaf = LeafRay::new(simd, &cull);
                 leaf.unit *= self.factor;
                 let probe = Probe::new(Scalar, &ray, span, true);
                 let (found, exact) = if let Some(triangle) = triangle {

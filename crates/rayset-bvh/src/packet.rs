@@ -8,14 +8,10 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::frame::{Frame, round_down, round_up};
 use crate::hierarchy::ahead;
-use crate::ray::{HIT_MARGIN, LEAST_COMPONENT, SINGLE};
+use crate::ray::{FAR, HIT_MARGIN, LEAST_COMPONENT, SINGLE, SLAB_MARGIN};
 
-/// Origins farther out than this are traced one by one.
-const FAR: f32 = 4.0;
 /// Where a lane without a ray ends, and one that asks for nothing more.
 const NOWHERE: f32 = -1e30;
-/// How far a box's planes are moved outwards for the rays of a packet, in units of a coordinate's rounding: as `SLAB_MARGIN`.
-const SLAB_UNITS: f32 = 96.0;
 /// Leaves no primitive.
 const NOBODY: u32 = u32::MAX;
 
@@ -33,6 +29,12 @@ pub struct RayColumns<'a> {
 }
 
 impl RayColumns<'_> {
+    /// How many rays there are.
+    #[inline(always)]
+    pub(crate) fn len(&self) -> usize {
+        self.spans.0.len()
+    }
+
     /// Some of the rays.
     #[inline(always)]
     pub(crate) fn cut(&self, range: Range<usize>) -> Self {
@@ -153,7 +155,7 @@ impl Approach {
 /// Values from `first` on, one a lane; where fewer are left, the last again. If rays are moved, with what is added to
 /// each: the move along a direction, or less, for distances, where there are no directions.
 #[inline(always)]
-fn narrow<S: Simd, const W: usize>(
+pub(crate) fn narrow<S: Simd, const W: usize>(
     simd: S,
     column: &[f64],
     (first, len): (usize, usize),
@@ -232,10 +234,10 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         }
     }
 
-    /// Prepares its rays for boxes, whose planes are moved outwards by [`SLAB_UNITS`] of a unit.
+    /// Prepares its rays for boxes, whose planes are moved outwards by [`SLAB_MARGIN`] of a unit.
     #[inline(always)]
     pub(crate) fn slabs(&self, simd: S, unit: f32) -> Slabs<S> {
-        let slack = simd.splat_f32(SLAB_UNITS * unit);
+        let slack = simd.splat_f32(SLAB_MARGIN * unit);
         let least = simd.splat_f32(LEAST_COMPONENT);
         let (one, most) = (simd.splat_f32(1.0), simd.splat_f32(1.0 / LEAST_COMPONENT));
         let zero = simd.splat_f32(0.0);
@@ -294,13 +296,6 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         (lanes, lanes & self.left_front)
     }
 
-    /// Whether a lane leaves a primitive, and whether into its front.
-    #[inline(always)]
-    pub(crate) fn leaves_from(&self, lane: usize, primitive: u32) -> (bool, bool) {
-        let leaves = self.left[lane] == primitive;
-        (leaves, leaves && self.left_front >> lane & 1 == 1)
-    }
-
     /// The lanes that are answered ask for nothing more.
     #[inline(always)]
     pub(crate) fn close(&mut self, simd: S, lanes: u32) {
@@ -327,7 +322,7 @@ pub(crate) fn level<S: Simd, const W: usize>(
     if !(size <= FAR && hit_slack < 1e-3) {
         return None;
     }
-    let unit = (f64::from(1.0 + size) * SINGLE + hit_slack) as f32;
+    let unit = (f64::from((1.0 + size) * SINGLE) + hit_slack) as f32;
     for packet in packets {
         packet.widen(simd, unit);
     }

@@ -2,31 +2,37 @@
 
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Span};
+use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::{Frame, round_down, round_up};
+use crate::packet::{RayColumns, narrow};
 
-/// How far planes of boxes are moved outwards, in units of culling space for an origin within the scene; multiplied by
-/// one plus the origin's largest coordinate there.
+/// How far planes of boxes are moved outwards, in units of the rounding of a coordinate: of [`CullRay::unit`].
 ///
 /// Covers the rounding of single precision in the origin, the direction, its inverse and the distance to a plane.
 /// Derived in `docs/numerics.md`.
-pub const SLAB_MARGIN: f64 = 96.0 / 16_777_216.0;
+pub const SLAB_MARGIN: f32 = 96.0;
 
 /// The rounding of single precision.
-pub(crate) const SINGLE: f64 = 1.0 / 16_777_216.0;
+pub(crate) const SINGLE: f32 = 1.0 / 16_777_216.0;
 
 /// How far a computed hit may lie off its primitive's box, relative to the coordinates involved, in double precision:
 /// twice `PARTITION_MARGIN`.
 pub(crate) const HIT_MARGIN: f64 = 2.0 * rayset_geometry::PARTITION_MARGIN;
 
 /// An origin farther out than this is moved along the ray first; in units of culling space.
-const FAR: f64 = 4.0;
+pub(crate) const FAR: f32 = 4.0;
 
 /// What counts as the end of a span that has none: rounding infinity down would give NaN, which no hit lies before.
-const LAST: f64 = 1e38;
+const LAST: f32 = 1e38;
 
 /// Components of the direction of a smaller size count as this.
 pub(crate) const LEAST_COMPONENT: f32 = 1e-18;
+
+/// The axes of a shear: those across and the one along, by the latter, and by whether the ray runs against it, since a
+/// mirrored axis would turn the triangles round.
+const SHEAR_AXES: [[[usize; 3]; 2]; 3] =
+    [[[1, 2, 0], [2, 1, 0]], [[2, 0, 1], [0, 2, 1]], [[0, 1, 2], [1, 0, 2]]];
 
 /// A ray prepared for culling: it only discards what the `f64` ray cannot hit.
 #[derive(Clone, Copy, Debug)]
@@ -42,12 +48,17 @@ pub(crate) struct CullRay {
     /// Where the span starts, or less, and or more.
     pub(crate) start: f32,
     pub(crate) start_above: f32,
-    /// Where the span ends, or less.
+    /// Where the span ends, or less, and or more.
     pub(crate) end_below: f32,
+    pub(crate) end_above: f32,
     /// The origin in culling space, moved along the ray if it was far off, and the direction; rounded.
     pub(crate) origin: [f32; 3],
     pub(crate) direction: [f32; 3],
-    /// How far off a coordinate may be: see [`crate::interval`].
+    /// The axes of the shear, the shear's factors, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`, and the origin, sheared.
+    pub(crate) axes: [usize; 3],
+    pub(crate) factors: [f32; 3],
+    pub(crate) sheared: [f32; 3],
+    /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
     pub(crate) unit: f32,
     /// World units to units of culling space.
     scale: f64,
@@ -56,61 +67,6 @@ pub(crate) struct CullRay {
 }
 
 impl CullRay {
-    /// Prepares a ray; `None` if it is so far off that it cannot hit anything.
-    #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "the margin makes up for the rounding")]
-    pub(crate) fn new(frame: &Frame, ray: &Ray, span: Span) -> Option<Self> {
-        let direction = ray.direction();
-        let mut origin = frame.point(ray.origin());
-        let mut size = origin.abs().max_element();
-        // The error of a hit grows with the coordinates of the origin as it was, and with those of the scene.
-        let mut hit_slack = HIT_MARGIN * (2.0 * (size + frame.remoteness) + 1.0);
-        let mut advance = 0.0;
-        let mut start = span.start * frame.scale;
-        if hit_slack.is_nan() || hit_slack >= 1.0 {
-            // So far off that a hit's error is larger than the scene: every box is met.
-            (origin, size, hit_slack, start) = (DVec3::ZERO, 0.0, 1e6, f64::NEG_INFINITY);
-        } else if size > FAR {
-            // Nothing lies nearer than the distance to a sphere round the unit cube.
-            advance = (origin.length() - FAR).max(0.0);
-            origin += advance * direction;
-            size = origin.abs().max_element();
-            if size > 4.0 * FAR {
-                return None;
-            }
-        }
-        let slack = (SLAB_MARGIN * (1.0 + size) + hit_slack) as f32;
-        let single = |v: DVec3| [v.x as f32, v.y as f32, v.z as f32];
-        let (origin_single, direction_single) = (single(origin), single(direction));
-        let mut cull = Self {
-            inverse: [0.0; 3],
-            near_offset: [0.0; 3],
-            far_offset: [0.0; 3],
-            near: [0; 3],
-            far: [0; 3],
-            start: round_down(start - advance),
-            start_above: round_up(start.max(0.0) - advance),
-            end_below: round_down((span.end * frame.scale - advance).min(LAST)),
-            origin: origin_single,
-            direction: direction_single,
-            unit: ((1.0 + size) / 16_777_216.0 + hit_slack) as f32,
-            scale: frame.scale,
-            advance,
-        };
-        for k in 0..3 {
-            let (o, d) = (origin_single[k], direction_single[k]);
-            let inverse = (1.0 / d.abs().max(LEAST_COMPONENT)).copysign(d);
-            let towards = slack.copysign(d);
-            cull.inverse[k] = inverse;
-            cull.near_offset[k] = (-o - towards) * inverse;
-            cull.far_offset[k] = (towards - o) * inverse;
-            let is_turned = usize::from(d.is_sign_negative());
-            cull.near[k] = k + 3 * is_turned;
-            cull.far[k] = 3 + k - 3 * is_turned;
-        }
-        Some(cull)
-    }
-
     /// A distance in culling space that is not below `t` in world units.
     #[inline(always)]
     pub(crate) fn end(&self, t: f64) -> f32 {
@@ -124,9 +80,284 @@ impl CullRay {
     }
 }
 
+/// As many rays as there are lanes, prepared together, since that takes as long as preparing one; traced one by one.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct CullRays<const W: usize> {
+    inverse: [[f32; W]; 3],
+    near_offset: [[f32; W]; 3],
+    far_offset: [[f32; W]; 3],
+    origin: [[f32; W]; 3],
+    direction: [[f32; W]; 3],
+    factors: [[f32; W]; 3],
+    sheared: [[f32; W]; 3],
+    start: [f32; W],
+    start_above: [f32; W],
+    end_below: [f32; W],
+    end_above: [f32; W],
+    unit: [f32; W],
+    advance: [f64; W],
+    scale: f64,
+    /// The lanes whose direction is negative along each axis.
+    turned: [u32; 3],
+    /// The lanes that are sheared along the first axis, and along the last.
+    along_first: u32,
+    along_last: u32,
+    /// The lanes that are so far off that they cannot hit anything.
+    lost: u32,
+}
+
+/// Rays some of which start far off, brought near.
+struct Approached<const W: usize> {
+    origins: [[f64; W]; 3],
+    starts: [f64; W],
+    ends: [f64; W],
+    hit_slacks: [f32; W],
+}
+
+/// How far the `f64` hit may be off, by the largest coordinate of the origin as it was: it grows with that, and with
+/// those of the scene.
+#[inline(always)]
+fn hit_slack<S: Simd>(simd: S, frame: &Frame, size: S::F32) -> S::F32 {
+    #![expect(clippy::cast_possible_truncation, reason = "the margin makes up for the rounding")]
+    let least = HIT_MARGIN * (2.0 * frame.remoteness + 1.0);
+    size * simd.splat_f32((2.0 * HIT_MARGIN) as f32) + simd.splat_f32(least as f32)
+}
+
+/// Values from `first` on, one a lane; lanes that are not asked for may hold what comes next.
+#[inline(always)]
+fn narrow_some<S: Simd, const W: usize>(
+    simd: S,
+    column: &[f64],
+    (first, len): (usize, usize),
+    (offset, scale): (f64, f64),
+) -> S::F32 {
+    match column.get(first..first + W) {
+        Some(values) => simd.narrow_f32(values, offset, scale),
+        None => narrow::<S, W>(simd, column, (first, len), (offset, scale), None),
+    }
+}
+
+impl<const W: usize> CullRays<W> {
+    /// No rays.
+    pub(crate) const NONE: Self = Self {
+        inverse: [[0.0; W]; 3],
+        near_offset: [[0.0; W]; 3],
+        far_offset: [[0.0; W]; 3],
+        origin: [[0.0; W]; 3],
+        direction: [[0.0; W]; 3],
+        factors: [[0.0; W]; 3],
+        sheared: [[0.0; W]; 3],
+        start: [0.0; W],
+        start_above: [0.0; W],
+        end_below: [0.0; W],
+        end_above: [0.0; W],
+        unit: [0.0; W],
+        advance: [0.0; W],
+        scale: 1.0,
+        turned: [0; 3],
+        along_first: 0,
+        along_last: 0,
+        lost: u32::MAX,
+    };
+
+    /// Prepares the rays of columns from `first` on, 1 to `W` of them; with a shear if flat shapes will be tested.
+    #[inline(always)]
+    pub(crate) fn prepare<S: Simd>(
+        &mut self,
+        simd: S,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        place: (usize, usize),
+        is_flat: bool,
+    ) {
+        let (zero, one) = (simd.splat_f32(0.0), simd.splat_f32(1.0));
+        let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
+        for k in 0..3 {
+            let moved = (frame.center[k], frame.scale);
+            origin[k] = narrow_some::<S, W>(simd, rays.origins[k], place, moved);
+            direction[k] = narrow_some::<S, W>(simd, rays.directions[k], place, (0.0, 1.0));
+        }
+        // What lies behind an origin is no hit.
+        let mut start = narrow_some::<S, W>(simd, rays.spans.0, place, (0.0, frame.scale)).max(zero);
+        let mut end = narrow_some::<S, W>(simd, rays.spans.1, place, (0.0, frame.scale));
+        let largest = |[x, y, z]: [S::F32; 3]| x.abs().max(y.abs()).max(z.abs());
+        let mut size = largest(origin);
+        let mut hit_slack = hit_slack(simd, frame, size);
+        self.scale = frame.scale;
+        self.lost = 0;
+        self.advance = [0.0; W];
+        let is_near = size.le(simd.splat_f32(FAR)) & hit_slack.lt(one);
+        if (!is_near).bits() & (u32::MAX >> (32 - place.1)) != 0 {
+            let mut slacks = [0.0; W];
+            hit_slack.store(&mut slacks);
+            let near = self.approach(frame, rays, place, slacks);
+            for k in 0..3 {
+                origin[k] = simd.narrow_f32(&near.origins[k], 0.0, 1.0);
+            }
+            start = simd.narrow_f32(&near.starts, 0.0, 1.0);
+            end = simd.narrow_f32(&near.ends, 0.0, 1.0);
+            size = largest(origin);
+            hit_slack = simd.load_f32(&near.hit_slacks);
+        }
+        let unit = (one + size) * simd.splat_f32(SINGLE) + hit_slack;
+        unit.store(&mut self.unit);
+        // As `round_up` and `round_down` do.
+        let rounding = |value: S::F32| {
+            value.abs() * simd.splat_f32(1.0 / 4_194_304.0) + simd.splat_f32(f32::MIN_POSITIVE)
+        };
+        (start - rounding(start)).store(&mut self.start);
+        (start + rounding(start)).store(&mut self.start_above);
+        let last = end.min(simd.splat_f32(LAST));
+        (last - rounding(last)).store(&mut self.end_below);
+        (end + rounding(end)).store(&mut self.end_above);
+        let slack = simd.splat_f32(SLAB_MARGIN) * unit;
+        let (least, most) = (simd.splat_f32(LEAST_COMPONENT), simd.splat_f32(1.0 / LEAST_COMPONENT));
+        let mut inverses = [zero; 3];
+        for k in 0..3 {
+            let (o, d) = (origin[k], direction[k]);
+            let inverse = (one / d).select(d.abs().ge(least), most);
+            let is_turned = inverse.lt(zero);
+            let towards = (-slack).select(is_turned, slack);
+            ((-o - towards) * inverse).store(&mut self.near_offset[k]);
+            ((towards - o) * inverse).store(&mut self.far_offset[k]);
+            inverse.store(&mut self.inverse[k]);
+            o.store(&mut self.origin[k]);
+            d.store(&mut self.direction[k]);
+            self.turned[k] = is_turned.bits();
+            inverses[k] = inverse;
+        }
+        if is_flat {
+            self.shear(simd, origin, direction, inverses);
+        }
+    }
+
+    /// Shears along the largest component of each direction.
+    ///
+    /// The shear is that of [`rayset_geometry::Shear`] in single precision; where two components of the direction are as
+    /// large but for their rounding, it may follow another axis.
+    #[inline(always)]
+    fn shear<S: Simd>(&mut self, simd: S, o: [S::F32; 3], d: [S::F32; 3], inverse: [S::F32; 3]) {
+        let [x, y, z] = d.map(Lanes::abs);
+        let is_first = x.gt(y);
+        let is_last = z.ge(x.max(y));
+        // The component along the axis, and those along the next and the one after.
+        let along = |[x, y, z]: [S::F32; 3]| z.select(is_last, x.select(is_first, y));
+        let next = |[x, y, z]: [S::F32; 3]| x.select(is_last, y.select(is_first, z));
+        let last = |[x, y, z]: [S::F32; 3]| y.select(is_last, z.select(is_first, x));
+        let inverse = along(inverse);
+        let is_turned = inverse.lt(simd.splat_f32(0.0));
+        let turn = |a: S::F32, b: S::F32| (b.select(is_turned, a), a.select(is_turned, b));
+        let (dx, dy) = turn(next(d), last(d));
+        let (ox, oy) = turn(next(o), last(o));
+        let oz = along(o);
+        let (sx, sy) = (-dx * inverse, -dy * inverse);
+        sx.store(&mut self.factors[0]);
+        sy.store(&mut self.factors[1]);
+        inverse.store(&mut self.factors[2]);
+        (ox + sx * oz).store(&mut self.sheared[0]);
+        (oy + sy * oz).store(&mut self.sheared[1]);
+        oz.store(&mut self.sheared[2]);
+        self.along_last = is_last.bits();
+        self.along_first = is_first.bits();
+    }
+
+    /// Brings near what starts far off, each ray for itself.
+    #[inline(never)]
+    #[expect(clippy::cast_possible_truncation, reason = "as the lanes compare it")]
+    fn approach(
+        &mut self,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        (first, len): (usize, usize),
+        hit_slacks: [f32; W],
+    ) -> Approached<W> {
+        let mut near = Approached { origins: [[0.0; W]; 3], starts: [0.0; W], ends: [0.0; W], hit_slacks };
+        for lane in 0..W {
+            let (ray, span) = rays.ray(first + lane.min(len - 1));
+            let mut origin = frame.point(ray.origin());
+            let (mut start, mut advance) = (span.start * frame.scale, 0.0);
+            if near.hit_slacks[lane].is_nan() || near.hit_slacks[lane] >= 1.0 {
+                // So far off that a hit's error is larger than the scene: every box is met.
+                (origin, near.hit_slacks[lane], start) = (DVec3::ZERO, 1e6, f64::NEG_INFINITY);
+            } else if origin.abs().max_element() as f32 > FAR {
+                // Nothing lies nearer than the distance to a sphere round the unit cube.
+                advance = (origin.length() - f64::from(FAR)).max(0.0);
+                origin += advance * ray.direction();
+                self.lost |= u32::from(origin.abs().max_element() > f64::from(4.0 * FAR)) << lane;
+            }
+            for k in 0..3 {
+                near.origins[k][lane] = origin[k];
+            }
+            near.starts[lane] = start - advance;
+            near.ends[lane] = span.end * frame.scale - advance;
+            self.advance[lane] = advance;
+        }
+        near
+    }
+
+    /// A ray; `None` if it is so far off that it cannot hit anything.
+    #[inline(always)]
+    pub(crate) fn ray(&self, lane: usize) -> Option<CullRay> {
+        if self.lost >> lane & 1 == 1 {
+            return None;
+        }
+        let of = |columns: &[[f32; W]; 3]| [columns[0][lane], columns[1][lane], columns[2][lane]];
+        let turned = self.turned.map(|lanes| (lanes >> lane & 1) as usize);
+        let along =
+            if self.along_last >> lane & 1 == 1 { 2 } else { 1 - (self.along_first >> lane & 1) as usize };
+        Some(CullRay {
+            inverse: of(&self.inverse),
+            near_offset: of(&self.near_offset),
+            far_offset: of(&self.far_offset),
+            near: [3 * turned[0], 1 + 3 * turned[1], 2 + 3 * turned[2]],
+            far: [3 - 3 * turned[0], 4 - 3 * turned[1], 5 - 3 * turned[2]],
+            start: self.start[lane],
+            start_above: self.start_above[lane],
+            end_below: self.end_below[lane],
+            end_above: self.end_above[lane],
+            origin: of(&self.origin),
+            direction: of(&self.direction),
+            axes: SHEAR_AXES[along][turned[along]],
+            factors: of(&self.factors),
+            sheared: of(&self.sheared),
+            unit: self.unit[lane],
+            scale: self.scale,
+            advance: self.advance[lane],
+        })
+    }
+}
+
+impl CullRay {
+    /// Prepares one ray; `None` if it is so far off that it cannot hit anything.
+    #[inline(always)]
+    pub(crate) fn new<S: Simd, const W: usize>(
+        simd: S,
+        frame: &Frame,
+        ray: &Ray,
+        span: Span,
+        is_flat: bool,
+    ) -> Option<Self> {
+        let (origin, direction) = (ray.origin(), ray.direction());
+        let origins = origin.to_array().map(|x| [x; W]);
+        let directions = direction.to_array().map(|x| [x; W]);
+        let (starts, ends) = ([span.start; W], [span.end; W]);
+        let rays = RayColumns {
+            origins: [&origins[0], &origins[1], &origins[2]],
+            directions: [&directions[0], &directions[1], &directions[2]],
+            spans: (&starts, &ends),
+            left: &[],
+        };
+        let mut block = CullRays::<W>::NONE;
+        block.prepare(simd, frame, &rays, (0, W), is_flat);
+        block.ray(0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use rayset_geometry::BoundingBox;
+    use rayset_simd::Scalar;
 
     use super::*;
 
@@ -150,7 +381,7 @@ mod tests {
             let edge = DVec3::new(a, b, c + 0.3 * at(0.819_172_5));
             let across = DVec3::new(1.0, -1.0, at(0.671_043_6) - 0.5).normalize();
             let ray = Ray::new(edge - (1.0 + 3.0 * a) * across, across);
-            let mut cull = CullRay::new(&frame, &ray, Span::FORWARD).unwrap();
+            let mut cull = CullRay::new::<_, 8>(Scalar, &frame, &ray, Span::FORWARD, true).unwrap();
             for k in 0..3 {
                 let (near, far) = (cull.near_offset[k], cull.far_offset[k]);
                 let middle = 0.5 * (near + far);
@@ -172,7 +403,7 @@ mod tests {
     fn a_span_without_an_end_is_one() {
         let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
         let ray = Ray::new(DVec3::new(0.0, 0.0, -3.0), DVec3::Z);
-        let cull = CullRay::new(&frame, &ray, Span::FORWARD).expect("it hits");
+        let cull = CullRay::new::<_, 8>(Scalar, &frame, &ray, Span::FORWARD, true).expect("it hits");
         // A hit is sure only if it surely lies before the end.
         assert!(cull.end_below > 1e37, "{}", cull.end_below);
         assert!(cull.end(Span::FORWARD.end) > f32::MAX);
@@ -183,13 +414,52 @@ mod tests {
         let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
         for distance in [1.0, 10.0, 1e6, 1e12, 1e20, 1e300] {
             let ray = Ray::new(DVec3::new(0.0, 0.0, -distance), DVec3::Z);
-            let cull = CullRay::new(&frame, &ray, Span::FORWARD).expect("it hits");
+            let cull = CullRay::new::<_, 8>(Scalar, &frame, &ray, Span::FORWARD, true).expect("it hits");
             assert!(cull.near_offset.iter().chain(&cull.far_offset).all(|offset| offset.is_finite()));
             assert!(meets(&cull, &frame.cull_box(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE })));
             let missing = Ray::new(ray.origin(), -DVec3::Z);
             assert!(
-                CullRay::new(&frame, &missing, Span::FORWARD).is_none() || !(100.0..1e12).contains(&distance)
+                CullRay::new::<_, 8>(Scalar, &frame, &missing, Span::FORWARD, true).is_none()
+                    || !(100.0..1e12).contains(&distance)
             );
         }
+    }
+
+    #[test]
+    fn rays_prepared_together_are_what_each_is_alone() {
+        let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
+        let distances = [0.5, 3.0, 1e3, 1e17, 0.0, 50.0];
+        let directions = [DVec3::Z, DVec3::NEG_X, DVec3::new(-0.6, 0.8, -0.0), DVec3::new(0.0, -0.6, 0.8)];
+        let rays: Vec<_> = (0..23)
+            .map(|i| {
+                let direction = directions[i % directions.len()];
+                let away = if i % 7 == 3 { 1.0 } else { -1.0 };
+                let ray = Ray::new(away * distances[i % distances.len()] * direction, direction);
+                (ray, Span { start: [0.0, 0.25, -1.0][i % 3], end: [2.0, f64::INFINITY][i % 2] })
+            })
+            .collect();
+        let column = |of: &dyn Fn(&(Ray, Span)) -> f64| rays.iter().map(of).collect::<Vec<_>>();
+        let origins = [0, 1, 2].map(|k| column(&|(ray, _)| ray.origin()[k]));
+        let directions = [0, 1, 2].map(|k| column(&|(ray, _)| ray.direction()[k]));
+        let (starts, ends) = (column(&|(_, span)| span.start), column(&|(_, span)| span.end));
+        let columns = RayColumns {
+            origins: [&origins[0], &origins[1], &origins[2]],
+            directions: [&directions[0], &directions[1], &directions[2]],
+            spans: (&starts, &ends),
+            left: &[],
+        };
+        let mut prepared = CullRays::<8>::NONE;
+        let (mut first, mut lost) = (0, 0);
+        for len in [8, 1, 5, 8, 1] {
+            prepared.prepare(Scalar, &frame, &columns, (first, len), true);
+            for lane in 0..len {
+                let (ray, span) = rays[first + lane];
+                let alone = CullRay::new::<_, 8>(Scalar, &frame, &ray, span, true);
+                assert_eq!(format!("{:?}", prepared.ray(lane)), format!("{alone:?}"), "{}", first + lane);
+                lost += u32::from(alone.is_none());
+            }
+            first += len;
+        }
+        assert!(first == rays.len() && lost > 0);
     }
 }

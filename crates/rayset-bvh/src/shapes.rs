@@ -11,6 +11,7 @@ use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
 use crate::axes::AxisBlock;
 use crate::build::Reference;
+use crate::exact::Sure;
 use crate::fans::{FanBlock, fan_len};
 use crate::frame::Frame;
 use crate::interval::{Intervals, LeafRay, SphereBlock, TriangleBlock};
@@ -124,6 +125,11 @@ pub(crate) struct Prepared<S: Simd> {
 }
 
 impl<S: Simd> Prepared<S> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, cull: &CullRay, ray: Ray, span: Span, departure: Option<Departure>) -> Self {
+        Self { simd, leaf: LeafRay::new(simd, cull), ray, span, departure }
+    }
+
     /// What the tests of columns are made of; `is_flat` says whether there may be polygons.
     #[inline(always)]
     fn probe(&self, is_flat: bool) -> Probe<S> {
@@ -131,18 +137,30 @@ impl<S: Simd> Prepared<S> {
     }
 }
 
-/// The nearest hit so far: known to lie in an interval, or exactly.
+/// The nearest hit so far.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Nearest {
-    None,
-    /// A sure hit of the primitive of a kind and index, visible from these sides: no hit before `low`.
-    Between {
-        low: f32,
-        kind: PrimitiveKind,
-        index: u32,
-        sides: Sides,
-    },
+pub(crate) struct Nearest {
+    /// There is none before this.
+    pub(crate) low: f32,
+    pub(crate) found: Found,
+}
+
+/// What is hit: surely, but not known where, or exactly.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Found {
+    Nothing,
+    Sure(Sure),
     At(Hit),
+}
+
+impl Nearest {
+    pub(crate) const NONE: Self = Self { low: f32::INFINITY, found: Found::Nothing };
+
+    /// An exact hit.
+    #[inline(always)]
+    pub(crate) fn at(cull: &CullRay, hit: Hit) -> Self {
+        Self { low: cull.below(hit.t), found: Found::At(hit) }
+    }
 }
 
 impl<const W: usize> Shapes<W> {
@@ -340,25 +358,10 @@ impl<const W: usize> Shapes<W> {
         self.only == Some(kind)
     }
 
-    /// Prepares a ray that leaves a primitive into one of its sides, or none.
+    /// Whether there is any triangle or polygon.
     #[inline(always)]
-    pub(crate) fn prepare<S: Simd, C: Content>(
-        &self,
-        simd: S,
-        cull: &CullRay,
-        ray: &Ray,
-        span: Span,
-        from: Option<(u32, Side)>,
-    ) -> Prepared<S> {
-        let is_flat = C::TRIANGLES && (!C::OTHERS || self.is_flat);
-        let departure = match from {
-            None => None,
-            Some((primitive, side)) => {
-                let (kind, index) = self.places[primitive as usize];
-                Some(Departure { kind, index, side })
-            }
-        };
-        Prepared { simd, leaf: LeafRay::new(simd, cull, is_flat), ray: *ray, span, departure }
+    pub(crate) fn is_flat(&self) -> bool {
+        self.is_flat
     }
 
     /// The lanes of a run whose front, and whose back, may be hit.
@@ -448,10 +451,10 @@ impl<const W: usize> Shapes<W> {
         &self.triangles[index as usize]
     }
 
-    /// The number of the primitive at a place of a run.
+    /// The number of a primitive of a kind.
     #[inline(always)]
-    pub(crate) fn number(&self, run: &Run, place: u32) -> u32 {
-        self.numbers[run.kind as usize][(run.first + place) as usize]
+    pub(crate) fn number(&self, kind: PrimitiveKind, index: u32) -> u32 {
+        self.numbers[kind as usize][index as usize]
     }
 
     /// What a ray leaves, by its place.
@@ -488,31 +491,32 @@ impl<const W: usize> Shapes<W> {
         ray: &Ray,
         span: Span,
         departure: Option<Departure>,
-        run: &Run,
-        index: u32,
+        sure: &Sure,
     ) -> Option<Hit> {
-        let side = departure.filter(|d| d.kind == run.kind && d.index == index).map(|d| d.side);
-        let t = match run.kind {
-            PrimitiveKind::Sphere => self.spheres[index as usize].intersect(ray, span, run.sides, side),
+        let Sure { kind, index, sides } = *sure;
+        let side = departure.filter(|d| d.kind == kind && d.index == index).map(|d| d.side);
+        let t = match kind {
+            PrimitiveKind::Sphere => self.spheres[index as usize].intersect(ray, span, sides, side),
             PrimitiveKind::Triangle => {
                 let probe = Probe::new(Scalar, ray, span, true);
-                self.triangles[index as usize].intersect(&probe, run.sides, side)
+                self.triangles[index as usize].intersect(&probe, sides, side)
             }
             PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                let probe = Probe::new(Scalar, ray, span, run.kind == PrimitiveKind::Polygon);
-                self.columns.nearest(&probe, &run.column(index - run.first), departure).map(|hit| hit.t)
+                let probe = Probe::new(Scalar, ray, span, kind == PrimitiveKind::Polygon);
+                let column = ColumnRun { kind, sides, range: index..index + 1 };
+                self.columns.nearest(&probe, &column, departure).map(|hit| hit.t)
             }
         };
-        t.map(|t| Hit { t, primitive: self.numbers[run.kind as usize][index as usize] })
+        t.map(|t| Hit { t, primitive: self.number(kind, index) })
     }
 
     /// The hit that was known by an interval only.
     #[inline(always)]
     pub(crate) fn resolve<S: Simd, C: Content>(&self, ray: &Prepared<S>, nearest: Nearest) -> Option<Hit> {
-        match nearest {
-            Nearest::None => None,
-            Nearest::At(hit) => Some(hit),
-            Nearest::Between { kind, index, sides, .. } => {
+        match nearest.found {
+            Found::Nothing => None,
+            Found::At(hit) => Some(hit),
+            Found::Sure(Sure { kind, index, sides }) => {
                 let t = self.exact::<S, C>(ray, kind, index, sides);
                 debug_assert!(t.is_some(), "a sure hit is one");
                 let primitive = self.numbers[kind as usize][index as usize];
@@ -588,14 +592,9 @@ impl<const W: usize> Shapes<W> {
                 continue;
             }
             let index = run.first + lane;
-            let is_sure = sure >> lane & 1 == 1;
-            let before = match nearest {
-                Nearest::None => true,
-                Nearest::Between { low, .. } => high < *low,
-                Nearest::At(hit) => high < cull.below(hit.t),
-            };
-            if is_sure && before {
-                *nearest = Nearest::Between { low, kind: run.kind, index, sides: run.sides };
+            if sure >> lane & 1 == 1 && high < nearest.low {
+                let sure = Sure { kind: run.kind, index, sides: run.sides };
+                *nearest = Nearest { low, found: Found::Sure(sure) };
                 *end = high;
             } else if let Some(t) = self.exact::<S, C>(ray, run.kind, index, run.sides) {
                 let primitive = self.numbers[run.kind as usize][index as usize];
@@ -618,7 +617,7 @@ impl<const W: usize> Shapes<W> {
             Some(best) if !hit.precedes(&best) => best,
             _ => hit,
         };
-        *nearest = Nearest::At(hit);
+        *nearest = Nearest::at(cull, hit);
         *end = cull.end(hit.t);
     }
 

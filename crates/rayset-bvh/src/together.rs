@@ -3,7 +3,7 @@
 use rayset_geometry::{PrimitiveKind, Sides};
 use rayset_simd::{LaneMask, Lanes, Simd};
 
-use crate::exact::{Exact, NONE, PLACE_BITS, Pairs, record_of};
+use crate::exact::{Departing, Exact, NONE, PLACE_BITS, Sure, record_of};
 use crate::interval::{self, Intervals, SpanLanes};
 use crate::packet::Packet;
 use crate::shaft::Shaft;
@@ -100,39 +100,20 @@ impl<S: Simd> Nearest<S> {
         packet: &Packet<S, W>,
         found: &mut [Option<Hit>],
     ) {
-        let (mut lanes, mut records) = ([0.0; W], [NONE; W]);
-        self.records.store(&mut lanes);
-        for (record, lane) in records.iter_mut().zip(lanes) {
-            *record = lane.to_bits();
-        }
-        let mut left = 0;
-        for (lane, &record) in records.iter().enumerate().take(packet.len) {
-            left |= u32::from(record != NONE) << lane;
-        }
-        let mut first = 0;
-        while first < packet.len && packet.first + first + S::F64::LANES <= exact.rays.spans.0.len() {
-            let lanes = left >> first & (u32::MAX >> (32 - S::F64::LANES));
-            if lanes != 0 {
-                let records = &records[first..];
-                let pairs = Pairs::<S>::new(simd, exact.rays, packet.first + first);
-                let (spheres, triangles) = (PrimitiveKind::Sphere, PrimitiveKind::Triangle);
-                let mut answered = 0;
-                if !exact.shapes.is_only(triangles) {
-                    answered |= exact.spheres(simd, packet, &pairs, records, (first, lanes), found);
-                }
-                if !exact.shapes.is_only(spheres) {
-                    answered |= exact.triangles(simd, packet, &pairs, records, (first, lanes), found);
-                }
-                left &= !(answered << first);
+        let mut records = [0.0; W];
+        self.records.store(&mut records);
+        let (mut sure, mut lanes) = ([Sure::NONE; W], 0);
+        for lane in 0..packet.len {
+            let record = records[lane].to_bits();
+            if record != NONE {
+                sure[lane] = exact.sure(record);
+                lanes |= 1 << lane;
             }
-            first += S::F64::LANES;
         }
-        while left != 0 {
-            let lane = left.trailing_zeros() as usize;
-            left &= left - 1;
-            found[lane] = exact.hit(packet.first + lane, records[lane]);
-            debug_assert!(found[lane].is_some(), "a sure hit is one");
-        }
+        let Exact { shapes, rays, .. } = exact;
+        let left = if rays.left.is_empty() { &[] } else { &rays.left[packet.first..] };
+        let departing = Departing { rays: **rays, first: packet.first, left };
+        shapes.resolve_all(simd, &departing, &sure, lanes, found);
     }
 }
 
@@ -287,7 +268,7 @@ impl<const W: usize> Shapes<W> {
         packet: &Packet<S, W>,
     ) -> Intervals<S> {
         let all = u32::MAX >> (32 - W);
-        let (leaving, outwards) = packet.leaving(simd, self.number(run, place));
+        let (leaving, outwards) = packet.leaving(simd, self.number(run.kind, run.first + place));
         let front = if run.sides == Sides::Back { 0 } else { all & !leaving };
         let back = match (run.sides, run.kind) {
             (Sides::Front, _) => 0,

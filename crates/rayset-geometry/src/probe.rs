@@ -66,10 +66,45 @@ impl Shear {
     }
 }
 
-/// Rays that are sheared along the same axes, a lane each.
+/// Which world axes play x, y and z, for each of several rays: a [`Shear`]'s axes, a lane each.
+#[derive(Clone, Copy, Debug)]
+pub struct AxesLanes<S: Simd> {
+    /// The lanes in which x plays z, and y.
+    is_x: <S::F64 as Lanes>::Mask,
+    is_y: <S::F64 as Lanes>::Mask,
+    /// The lanes in which the other two change places.
+    is_mirrored: <S::F64 as Lanes>::Mask,
+}
+
+impl<S: Simd> AxesLanes<S> {
+    /// Those of some directions.
+    #[must_use]
+    #[inline(always)]
+    pub fn of(simd: S, direction: &[S::F64; 3]) -> Self {
+        let size = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
+        // The comparisons of `Shear::axes_of`.
+        let is_x = size[0].gt(size[1]) & size[0].gt(size[2]);
+        let is_y = !size[0].gt(size[1]) & size[1].gt(size[2]);
+        let along = direction[0].select(is_x, direction[1].select(is_y, direction[2]));
+        Self { is_x, is_y, is_mirrored: along.lt(simd.splat_f64(0.0)) }
+    }
+
+    /// Coordinates along the world's axes, in the order of each lane's own.
+    #[must_use]
+    #[inline(always)]
+    pub fn order(&self, [x, y, z]: [S::F64; 3]) -> [S::F64; 3] {
+        let Self { is_x, is_y, is_mirrored } = *self;
+        let next = y.select(is_x, z.select(is_y, x));
+        let last = z.select(is_x, x.select(is_y, y));
+        let along = x.select(is_x, y.select(is_y, z));
+        [last.select(is_mirrored, next), next.select(is_mirrored, last), along]
+    }
+}
+
+/// Rays that are sheared, a lane each.
 #[derive(Clone, Copy, Debug)]
 pub struct ShearedLanes<S: Simd> {
-    /// The coordinates of the origins, in the order of the axes.
+    /// The coordinates of the origins, in the order of each ray's axes.
     pub origin: [S::F64; 3],
     /// The factors of each ray's [`Shear`].
     pub factors: [S::F64; 3],
@@ -78,30 +113,14 @@ pub struct ShearedLanes<S: Simd> {
 }
 
 impl<S: Simd> ShearedLanes<S> {
-    /// Shears rays along the axes of one of them; gives also the lanes whose axes these are. What the others hold is of no
-    /// use, nor need it be finite.
+    /// Shears rays, each along its own axes, which are given too.
     #[must_use]
     #[inline(always)]
-    pub fn along(
-        simd: S,
-        [x, y, z]: [usize; 3],
-        rays: &RayLanes<S>,
-        span: [S::F64; 2],
-    ) -> (Self, <S::F64 as Lanes>::Mask) {
-        let RayLanes { origin, direction } = rays;
-        let size = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
-        // The comparisons of `Shear::axes_of`.
-        let (is_x, is_y) = (size[0].gt(size[1]) & size[0].gt(size[2]), size[1].gt(size[2]));
-        let is_dominant = match z {
-            0 => is_x,
-            1 => !size[0].gt(size[1]) & is_y,
-            _ => !is_x & !(!size[0].gt(size[1]) & is_y),
-        };
-        let is_mirrored = direction[z].lt(simd.splat_f64(0.0));
-        let is_alike = is_dominant & if x == (z + 1) % 3 { !is_mirrored } else { is_mirrored };
-        let (dx, dy, dz) = (direction[x], direction[y], direction[z]);
+    pub fn of(simd: S, rays: &RayLanes<S>, span: [S::F64; 2]) -> (Self, AxesLanes<S>) {
+        let axes = AxesLanes::of(simd, &rays.direction);
+        let [dx, dy, dz] = axes.order(rays.direction);
         let factors = [dx / dz, dy / dz, simd.splat_f64(1.0) / dz];
-        (Self { origin: [origin[x], origin[y], origin[z]], factors, span }, is_alike)
+        (Self { origin: axes.order(rays.origin), factors, span }, axes)
     }
 }
 

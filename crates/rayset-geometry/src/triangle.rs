@@ -117,8 +117,8 @@ pub(crate) fn intersect<S: Simd>(
 
 impl Triangle {
     /// Where rays meet triangles, a pair a lane: the lanes that are hit, and `t`; of the rays, how they are sheared, of
-    /// the triangles, coordinate `k` of vertex `v` in `vertices[v][k]`, in the order of the rays' axes, and the lanes
-    /// whose front and back may be hit, all of them with rays that have these axes.
+    /// the triangles, coordinate `k` of vertex `v` in `vertices[v][k]`, in the order of each ray's axes, and the lanes
+    /// whose front and back may be hit.
     ///
     /// The arithmetic of [`Triangle::intersect`], and its bits.
     #[must_use]

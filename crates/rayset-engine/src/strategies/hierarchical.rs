@@ -5,8 +5,8 @@
 //!
 //! Source: Wald, Benthin and Boulos 2008, "Getting rid of packets", for wide nodes that one ray tests in lanes.
 
-use rayset_bvh::{Hierarchy, Query, RayList, Scratch};
-use rayset_geometry::{Ray, Sides, Span};
+use rayset_bvh::{Hierarchy, RayColumns, RayList, Scratch};
+use rayset_geometry::{Ray, Side, Sides, Span};
 use rayset_scene::{ObjectId, PrimitiveId, Scene, VolumeId};
 use rayset_simd::{Backend, Kernel, Lanes, Simd};
 
@@ -245,11 +245,10 @@ impl Kernel for OccludedBundle<'_, '_> {
     }
 }
 
-/// A ray of a bundle.
+/// What a ray of a bundle leaves.
 #[inline(always)]
-fn query_of(columns: &Columns<'_>, i: usize) -> Query {
-    let from = columns.originating[i].as_ref().map(|from| (from.primitive.0, from.side));
-    Query { ray: columns.ray(i), span: columns.span(i), from }
+fn left_by(columns: &Columns<'_>, i: usize) -> Option<(u32, Side)> {
+    columns.originating[i].as_ref().map(|from| (from.primitive.0, from.side))
 }
 
 /// The rays of a bundle that ask for the nearest hit.
@@ -259,14 +258,14 @@ struct NearestRays<'a> {
     answers: &'a mut Vec<Option<Hit>>,
 }
 
-impl RayList<Option<rayset_bvh::Hit>> for NearestRays<'_> {
+impl<'r> RayList<'r, Option<rayset_bvh::Hit>> for NearestRays<'r> {
     #[inline(always)]
-    fn rays(&self) -> usize {
-        self.columns.slots.len()
+    fn columns(&self) -> RayColumns<'r> {
+        self.columns.rays()
     }
     #[inline(always)]
-    fn ray(&self, i: usize) -> Query {
-        query_of(&self.columns, i)
+    fn left(&self, i: usize) -> Option<(u32, Side)> {
+        left_by(&self.columns, i)
     }
     #[inline(always)]
     fn answer(&mut self, hit: Option<rayset_bvh::Hit>) {
@@ -280,14 +279,14 @@ struct ShadowRays<'a> {
     answers: &'a mut Vec<bool>,
 }
 
-impl RayList<bool> for ShadowRays<'_> {
+impl<'r> RayList<'r, bool> for ShadowRays<'r> {
     #[inline(always)]
-    fn rays(&self) -> usize {
-        self.columns.slots.len()
+    fn columns(&self) -> RayColumns<'r> {
+        self.columns.rays()
     }
     #[inline(always)]
-    fn ray(&self, i: usize) -> Query {
-        query_of(&self.columns, i)
+    fn left(&self, i: usize) -> Option<(u32, Side)> {
+        left_by(&self.columns, i)
     }
     #[inline(always)]
     fn answer(&mut self, is_hit: bool) {
