@@ -2,7 +2,7 @@
 
 use plotters::style::text_anchor::{HPos, VPos};
 
-use super::{Failure, INK, RULE, data_colour, line, marker, pixel, place, svg, text, upwards};
+use super::{Failure, INK, RULE, data_colour, line, marker, pixel, place, stretch, svg, text, upwards};
 use crate::StudyError;
 
 /// Curves over the logarithm of n.
@@ -91,10 +91,9 @@ impl Lines<'_> {
             }
             for (i, curve) in self.curves.iter().enumerate() {
                 let at = BOTTOM + 58 + ENTRY * place(i);
-                let colour = data_colour(curve.style);
-                line(area, (LEFT, at), (LEFT + 28, at), colour, 2)?;
-                marker(area, curve.style, (LEFT + 14, at), colour)?;
-                text(area, &curve.name, (LEFT + 36, at), (HPos::Left, VPos::Center), 15, INK)?;
+                stretch(area, curve.style, (LEFT, at), (LEFT + 36, at))?;
+                marker(area, curve.style, (LEFT + 18, at))?;
+                text(area, &curve.name, (LEFT + 44, at), (HPos::Left, VPos::Center), 15, INK)?;
             }
             Ok(())
         })
@@ -111,13 +110,13 @@ impl Curve {
         let colour = data_colour(self.style);
         for pair in self.points.windows(2) {
             let [from, to] = [pair[0], pair[1]].map(|point| (x(point.n), y(point.value)));
-            line(area, from, to, colour, 2)?;
+            stretch(area, self.style, from, to)?;
         }
         for &Point { n, value, quartiles } in &self.points {
             if let Some((low, high)) = quartiles {
                 line(area, (x(n), y(low)), (x(n), y(high)), colour, 1)?;
             }
-            marker(area, self.style, (x(n), y(value)), colour)?;
+            marker(area, self.style, (x(n), y(value)))?;
         }
         Ok(())
     }
