@@ -76,10 +76,16 @@ impl Counts {
         self.cast.iter().sum()
     }
 
-    /// Coherent rays, and those answered under shafts, in percent of all cast; a strategy has one or the other.
+    /// Coherent rays and those answered under shafts; a strategy has one or the other.
+    #[must_use]
+    pub fn coherent_rays(&self) -> u64 {
+        self.coherent.iter().chain(&self.under_shafts).sum()
+    }
+
+    /// The same in percent of all rays cast.
     #[must_use]
     pub fn percent_coherent(&self) -> f64 {
-        100.0 * ratio(self.coherent.iter().chain(&self.under_shafts).sum(), self.rays())
+        100.0 * ratio(self.coherent_rays(), self.rays())
     }
 }
 
