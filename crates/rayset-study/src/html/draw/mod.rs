@@ -91,7 +91,7 @@ fn stretch(area: &Area<'_>, style: usize, from: (i32, i32), to: (i32, i32)) -> R
         return line(area, from, to, data_colour(style), 2);
     }
     let stroke = data_colour(style).stroke_width(2);
-    Ok(area.draw(&DashedPathElement::new([from, to].into_iter(), 6, 4, stroke))?)
+    Ok(area.draw(&DashedPathElement::new([from, to], 6, 4, stroke))?)
 }
 
 /// One of several shapes, so that no reader needs colours.
