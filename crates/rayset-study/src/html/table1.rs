@@ -55,6 +55,8 @@ pub(super) fn section(plan: &ReportPlan, step: Step<'_>) -> Result<Section, Stud
         (name, [of_readings(row), of_exact(row)].concat())
     };
     let meshes: Vec<_> = table.ours.iter().filter(|row| row.spheres.is_none()).map(mesh).collect();
+    let is_earlier =
+        table.ours.iter().flat_map(|row| row.exact.values()).any(|it| it.percent_coherent.is_none());
     let body = html! {
         p {
             "The paper's table, and the same experiment on scenes of random spheres. "
@@ -67,6 +69,9 @@ pub(super) fn section(plan: &ReportPlan, step: Step<'_>) -> Result<Section, Stud
             }
         }
         @if is_new { p.note { "No results of Table 1 were recorded: its quick form was run for this report." } }
+        @if is_earlier {
+            p.note { "An earlier version recorded these results, without the coherence of exact strategies; " code { "cargo xtask repro-table1" } " records it." }
+        }
         (as_table("table1-caption", "n", &groups, "Table 1. n is the number of spheres. Coherence and work are of all seeds together, ratios of times are medians; in brackets quartiles, over seeds or over all pairs of runs."))
         (figures(&groups)?)
         @if !meshes.is_empty() {
