@@ -28,6 +28,30 @@ fn report() -> String {
         "<p class=\"note\">No results of Table 1 were recorded: its quick form was run for this report.</p>";
     assert!(html.contains(note));
     assert!(again == html.replace(note, ""), "the same records, other bytes");
+    let (table1, _) = html.split_once("<h2 id=\"map\"").unwrap();
+    // Results from before exact strategies had their coherence noted are shown without, and the report says so.
+    let path = folder.path().join("table1/table1.json");
+    let text = fs::read_to_string(&path).unwrap();
+    let mut earlier: Value = serde_json::from_str(&text).unwrap();
+    for row in earlier["ours"].as_array_mut().unwrap() {
+        row["exact"]["bundle"].as_object_mut().unwrap().remove("percent_coherent");
+    }
+    fs::write(&path, earlier.to_string()).unwrap();
+    let note = "An earlier version recorded these results";
+    assert!(!html.contains(note) && plan.html(&|_, _, _| ()).unwrap().contains(note));
+    // Four rows of spheres and one of a mesh, which were recorded with the table.
+    let others = fs::read_to_string(folder.path().join("table1-others.jsonl")).unwrap();
+    for (name, rows, is_recorded) in
+        [("bundle", 5, true), ("hierarchical", 5, true), ("coherent", 5, true), ("auto", 4, false)]
+    {
+        let row = format!("<th class=\"source\" scope=\"row\">{name}</th>");
+        assert_eq!(table1.matches(&row).count(), rows, "{name}");
+        assert_eq!(!others.contains(&format!("\"strategy\":\"{name}\"")), is_recorded, "{name}");
+    }
+    for (name, is_coherent) in [("bundle", true), ("coherent", true), ("hierarchical", false)] {
+        assert_eq!(html.contains(&format!("<title>{name}, coherent rays: From")), is_coherent, "{name}");
+        assert!(html.contains(&format!("<title>{name}, ratio of times: From")), "{name}");
+    }
     html
 }
 

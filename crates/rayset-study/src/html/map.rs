@@ -35,8 +35,7 @@ fn recorded(plan: &ReportPlan, step: Step<'_>) -> Result<(Vec<Plane>, Option<Str
     }
     let scale = if plan.scale == Scale::Full { Scale::Quick } else { plan.scale };
     name.run(&plan.study, scale, 1, &|done, all| step(name.name(), done, all))?;
-    let note =
-        "Nothing is recorded of the full study: this is its quick form, which was run for this report. ";
+    let note = "This version has recorded nothing of the full study: this is its quick form, which was run for this report. ";
     let note = if plan.scale == Scale::Full { note } else { "This is the quick form of the study. " };
     Ok((planes(&plan.study, scale)?, Some(format!("{note}`cargo xtask study map` runs all of it."))))
 }
@@ -87,26 +86,28 @@ fn strategy(plane: &Plane, name: &str, figures: &Figures) -> Result<Markup, Stud
     };
     // One scale for work and time of all strategies of the sheet, so that colours mean the same in each panel.
     let ratios = plane.strategies.iter().flat_map(|(_, figures)| [&figures.work, &figures.time]);
-    let ratios =
+    let colours =
         Colours::of_ratios(ratios.flat_map(|ratios| ratios.values.iter().flatten().flatten().copied()));
     // Of work the paper says nothing; the row stays, so that panels are alike.
     let silent = of_paper(&|_| 0.0).map(|row| vec![None; row.len()]);
     let none = vec![Vec::new(); plane.resolutions.len()];
-    let panels = [
+    let coherence = figures.coherence.as_ref().map(|values| {
         (
             "coherent rays",
-            &figures.coherence,
+            values,
             &none,
             of_paper(&|row| row.percent_coherent),
             Colours::Percent,
             "percent of rays cast",
-        ),
+        )
+    });
+    let ratios = [
         (
             "ratio of work",
             &figures.work.values,
             &figures.work.crossings,
             silent,
-            ratios,
+            colours,
             "work over standard: blue is less",
         ),
         (
@@ -114,12 +115,12 @@ fn strategy(plane: &Plane, name: &str, figures: &Figures) -> Result<Markup, Stud
             &figures.time.values,
             &figures.time.crossings,
             of_paper(&|row| row.ratio_recomputed),
-            ratios,
+            colours,
             "time over standard: blue is less",
         ),
     ];
     let mut drawn = Vec::new();
-    for (what, values, crossings, paper, scale, unit) in panels {
+    for (what, values, crossings, paper, scale, unit) in coherence.into_iter().chain(ratios) {
         let heat = HeatMap {
             label: format!("{name}, {what}: {}", summary(plane, values, scale)),
             columns: &plane.spheres,

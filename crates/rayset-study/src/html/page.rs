@@ -78,8 +78,8 @@ fn words() -> Markup {
                 div { dt { code { "standard" } } dd { "tests every bounding volume for every ray (section 2.2 of the paper). All ratios are over it." } }
                 div { dt { code { "speer-1985" } } dd { "the paper's algorithm, as literally as its text allows; names that begin like this are other readings of the text. Not exact: its wrong pixels are counted." } }
                 div { dt { "other names" } dd { "exact strategies: their images are those of " code { "standard" } ", bit by bit." } }
-                div { dt { "coherent ray" } dd { "a ray that was answered without looking at all bounding volumes." } }
-                div { dt { "ratio of work" } dd { "tests of primitives and volumes, pierce checks (two each) and comparisons, over those of " code { "standard" } "; exact." } }
+                div { dt { "coherent ray" } dd { "a ray that was answered from what the ray before it had left or, where rays are traced in bundles, under one shaft with its neighbours." } }
+                div { dt { "ratio of work" } dd { "tests of primitives, volumes and boxes, pierce checks (two each), comparisons and cells, over those of " code { "standard" } "; exact." } }
                 div { dt { "ratio of times" } dd { "seconds inside the strategy's calls, over those of " code { "standard" } "; one thread." } }
             }
         }

@@ -66,7 +66,8 @@ impl ReportPlan {
                 seeds: vec![1, 2],
                 repetitions: 1,
                 resolution: 24,
-                mesh_resolutions: [0; 4],
+                mesh_resolutions: [12, 0, 0, 0],
+                mesh_repetitions: 1,
                 ..Table1Plan::quick(fixtures.clone())
             },
             scale: Scale::Tiny,

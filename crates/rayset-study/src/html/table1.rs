@@ -1,6 +1,6 @@
 //! Table 1: the paper as printed, recomputed, and ours.
 
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, Render, html};
 use rayset_engine::{Backend, StrategyKind};
 use rayset_scene::{RandomSpheres, SphereSize};
 
@@ -8,10 +8,11 @@ use super::draw::{Curve, Lines, Point};
 use super::provenance::{cutoff, made, numbers};
 use super::{ReportPlan, Section, Step};
 use crate::study::{OtherRow, OtherScenes};
-use crate::table1::{Recorded, RecordedRow, RecordedStrategy};
+use crate::table1::{Recorded, RecordedExact, RecordedRow, RecordedStrategy};
 use crate::{PaperRow, Spread, StudyError, Table1};
 
 /// A line of the table.
+#[derive(Clone)]
 struct Entry {
     /// Whose figures.
     source: String,
@@ -37,7 +38,10 @@ pub(super) fn section(plan: &ReportPlan, step: Step<'_>) -> Result<Section, Stud
         repetitions: plan.other_repetitions,
     };
     let is_in_table = |kind: &StrategyKind| {
-        table.ours.iter().any(|row| row.spheres.is_some() && row.strategies.contains_key(kind.name()))
+        let has = |row: &RecordedRow| {
+            row.strategies.contains_key(kind.name()) || row.exact.contains_key(kind.name())
+        };
+        table.ours.iter().any(|row| row.spheres.is_some() && has(row))
     };
     let mut others = Vec::new();
     for kind in StrategyKind::ALL.iter().filter(|kind| !is_in_table(kind)) {
@@ -46,6 +50,13 @@ pub(super) fn section(plan: &ReportPlan, step: Step<'_>) -> Result<Section, Stud
         others.push((kind.name(), scenes.rows(*kind, &path, &|done, all| step(&part, done, all))?));
     }
     let groups = groups(&table, &others, &scenes);
+    let mesh = |row: &RecordedRow| {
+        let name = html! { (row.scene) br; small { "n = " (row.volumes) } };
+        (name, [of_readings(row), of_exact(row)].concat())
+    };
+    let meshes: Vec<_> = table.ours.iter().filter(|row| row.spheres.is_none()).map(mesh).collect();
+    let is_earlier =
+        table.ours.iter().flat_map(|row| row.exact.values()).any(|it| it.percent_coherent.is_none());
     let body = html! {
         p {
             "The paper's table, and the same experiment on scenes of random spheres. "
@@ -58,8 +69,14 @@ pub(super) fn section(plan: &ReportPlan, step: Step<'_>) -> Result<Section, Stud
             }
         }
         @if is_new { p.note { "No results of Table 1 were recorded: its quick form was run for this report." } }
-        (as_table(&groups))
+        @if is_earlier {
+            p.note { "An earlier version recorded these results, without the coherence of exact strategies; " code { "cargo xtask repro-table1" } " records it." }
+        }
+        (as_table("table1-caption", "n", &groups, "Table 1. n is the number of spheres. Coherence and work are of all seeds together, ratios of times are medians; in brackets quartiles, over seeds or over all pairs of runs."))
         (figures(&groups)?)
+        @if !meshes.is_empty() {
+            (as_table("table2-caption", "scene", &meshes, "Meshes, in the same columns. n is the number of bounding volumes; the paper has no such rows."))
+        }
         (provenance(plan, &table, &scenes, &others))
     };
     Ok(Section { id: "table1", title: "Table 1", body })
@@ -97,10 +114,7 @@ fn groups(
             if let Some(paper) = table.paper.iter().find(|paper| paper.spheres == n) {
                 entries.extend(of_paper(paper));
             }
-            if let Some(standard) = row.strategies.get("standard") {
-                let strategies = row.strategies.iter().filter(|(name, _)| *name != "standard");
-                entries.extend(strategies.map(|(name, measured)| of_ours(name, row, standard, measured)));
-            }
+            entries.extend(of_readings(row));
             for preset in &table.presets {
                 if let Some(row) = preset.rows.iter().find(|row| row.spheres == Some(n))
                     && let (Some(standard), Some(measured)) =
@@ -109,6 +123,7 @@ fn groups(
                     entries.push(of_ours(&preset.name, row, standard, measured));
                 }
             }
+            entries.extend(of_exact(row));
             for (name, rows) in others.iter().filter(|(name, _)| *name != "standard") {
                 entries.extend(rows.get(i).map(|measured| of_others(name, scenes, measured)));
             }
@@ -118,6 +133,31 @@ fn groups(
             (n, entries)
         })
         .collect()
+}
+
+/// The readings of a row.
+fn of_readings(row: &RecordedRow) -> Vec<Entry> {
+    let Some(standard) = row.strategies.get("standard") else { return Vec::new() };
+    let readings = row.strategies.iter().filter(|(name, _)| *name != "standard");
+    readings.map(|(name, measured)| of_ours(name, row, standard, measured)).collect()
+}
+
+/// The exact strategies of a row, which took their turns with the readings.
+fn of_exact(row: &RecordedRow) -> Vec<Entry> {
+    let Some(standard) = row.strategies.get("standard") else { return Vec::new() };
+    let entry = |(name, measured): (&String, &RecordedExact)| Entry {
+        source: name.clone(),
+        style: 0,
+        times: [standard.seconds, measured.seconds].map(milliseconds),
+        percent: measured
+            .percent_coherent
+            .zip(measured.percent_coherent_spread)
+            .map(|(percent, spread)| pooled(percent, spread)),
+        ratio: Some(measured.ratio_time),
+        work: Some(measured.ratio_work),
+        wrong: Some((measured.wrong_pixels, row.pixels())),
+    };
+    row.exact.iter().map(entry).collect()
 }
 
 fn exactly(value: f64) -> Spread {
@@ -154,10 +194,7 @@ fn of_ours(name: &str, row: &RecordedRow, standard: &RecordedStrategy, measured:
         percent: Some(pooled(measured.percent_coherent, measured.percent_coherent_spread)),
         ratio: Some(measured.ratio_time_spread),
         work: Some(measured.ratio_work),
-        wrong: Some((
-            measured.wrong_pixels,
-            u64::from(row.resolution) * u64::from(row.resolution) * row.seeds,
-        )),
+        wrong: Some((measured.wrong_pixels, row.pixels())),
     }
 }
 
@@ -190,16 +227,14 @@ fn spread(value: Option<&Spread>, digits: usize) -> Markup {
     }
 }
 
-fn as_table(groups: &[(u32, Vec<Entry>)]) -> Markup {
+fn as_table(id: &str, head: &str, groups: &[(impl Render, Vec<Entry>)], caption: &str) -> Markup {
     html! {
-        div.scroll role="region" aria-labelledby="table1-caption" tabindex="0" {
+        div.scroll role="region" aria-labelledby=(id) tabindex="0" {
             table {
-                caption id="table1-caption" {
-                    "Table 1. n is the number of spheres. Coherence and work are of all seeds together, ratios of times are medians; in brackets quartiles, over seeds or over all pairs of runs."
-                }
+                caption id=(id) { (caption) }
                 thead {
                     tr {
-                        th scope="col" { "n" }
+                        th scope="col" { (head) }
                         th.text scope="col" { "source" }
                         th scope="col" { "coherent rays, %" }
                         th scope="col" { "ratio of times" }
@@ -209,11 +244,11 @@ fn as_table(groups: &[(u32, Vec<Entry>)]) -> Markup {
                         th scope="col" { "time, strategy" }
                     }
                 }
-                @for (n, entries) in groups {
+                @for (group, entries) in groups {
                     tbody {
                         @for (i, entry) in entries.iter().enumerate() {
                             tr.of-paper[entry.source.starts_with("paper")] {
-                                @if i == 0 { th.n scope="rowgroup" rowspan=(entries.len()) { (n) } }
+                                @if i == 0 { th.n scope="rowgroup" rowspan=(entries.len()) { (group) } }
                                 th.source scope="row" { (entry.source) }
                                 td { (spread(entry.percent.as_ref(), 1)) }
                                 td { (spread(entry.ratio.as_ref(), 3)) }
@@ -272,7 +307,13 @@ fn provenance(
     let mut entries = vec![
         ("command", "cargo xtask repro-table1".to_owned()),
         ("scenes", spheres()),
-        ("image", format!("{0} x {0} pixels, one sweep in scanline order", options.resolution)),
+        (
+            "image",
+            format!(
+                "{0} x {0} pixels, one sweep in scanline order, or in the one that an exact strategy prefers",
+                options.resolution
+            ),
+        ),
         ("seeds", numbers(&options.seeds)),
         ("repetitions", format!("{}, the strategies in turn", options.repetitions)),
         ("depth", options.max_depth.to_string()),

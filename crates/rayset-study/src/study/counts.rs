@@ -23,6 +23,9 @@ pub struct Counts {
     pub intercepted: Kinds,
     /// Coherent rays.
     pub coherent: Kinds,
+    /// Rays answered under the shaft of a packet or a tile; not written where there are none, as in older journals.
+    #[serde(default, skip_serializing_if = "are_none")]
+    pub under_shafts: Kinds,
     /// The work.
     #[serde(flatten, with = "journal_work")]
     pub work: Work,
@@ -56,6 +59,7 @@ impl Counts {
             pierced: kinds(coherence, |counts| counts.pierced),
             intercepted: kinds(coherence, |counts| counts.false_coherence),
             coherent: kinds(coherence, |counts| counts.coherent),
+            under_shafts: kinds(&stats.stages, |counts| counts.tiles + counts.packets),
             work: stats.work,
         }
     }
@@ -72,10 +76,16 @@ impl Counts {
         self.cast.iter().sum()
     }
 
-    /// Coherent rays in percent of all cast.
+    /// Coherent rays and those answered under shafts; a strategy has one or the other.
+    #[must_use]
+    pub fn coherent_rays(&self) -> u64 {
+        self.coherent.iter().chain(&self.under_shafts).sum()
+    }
+
+    /// The same in percent of all rays cast.
     #[must_use]
     pub fn percent_coherent(&self) -> f64 {
-        100.0 * ratio(self.coherent.iter().sum(), self.rays())
+        100.0 * ratio(self.coherent_rays(), self.rays())
     }
 }
 
@@ -92,6 +102,10 @@ impl Distribution {
             upper_quartile: quantile(0.75),
         }
     }
+}
+
+fn are_none(rays: &Kinds) -> bool {
+    rays.iter().all(|&count| count == 0)
 }
 
 fn kinds<T>(by_kind: &ByKind<T>, count: impl Fn(&T) -> u64) -> Kinds {
@@ -152,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn journals_from_before_cells_were_counted_hold_the_same_counts() {
+    fn journals_from_before_cells_and_shafts_were_counted_hold_the_same_counts() {
         let work = Work {
             partitions: 1,
             volumes_classified: 2,
@@ -175,5 +189,10 @@ mod tests {
         let text = serde_json::to_string(&cells).unwrap();
         assert!(text.ends_with(r#""comparisons":0,"cells_visited":6}"#), "{text}");
         assert_eq!(serde_json::from_str::<Counts>(&text).unwrap(), cells);
+        let shafts = Counts { under_shafts: [0, 1, 2, 3], ..cells };
+        let text = serde_json::to_string(&shafts).unwrap();
+        assert!(text.contains(r#""under_shafts":[0,1,2,3],"partitions""#), "{text}");
+        assert_eq!(serde_json::from_str::<Counts>(&text).unwrap(), shafts);
+        assert!((shafts.percent_coherent() - 60.0).abs() < 1e-12);
     }
 }

@@ -153,7 +153,7 @@ impl OtherRow {
         let percents = records.iter().map(|record| record.counts[1].percent_coherent());
         let sum = |part: fn(&Counts) -> u64| records.iter().map(|record| part(&record.counts[1])).sum();
         Self {
-            percent_coherent: 100.0 * ratio(sum(|counts| counts.coherent.iter().sum()), sum(Counts::rays)),
+            percent_coherent: 100.0 * ratio(sum(Counts::coherent_rays), sum(Counts::rays)),
             percent_coherent_spread: Spread::of(&percents.collect::<Vec<_>>()),
             ratio_time: Spread::of(&ratios.collect::<Vec<_>>()),
             ratio_work: float(work(1)) / float(work(0)),
@@ -169,7 +169,7 @@ mod tests {
     use super::*;
     use crate::{Table1, Table1Plan};
 
-    /// `speer-1985` is in the table too, so both ways must count the same.
+    /// `speer-1985` and exact strategies are in the table too, so both ways must count the same.
     #[test]
     fn a_strategy_counts_the_same_here_as_in_the_table() {
         let plan = Table1Plan {
@@ -192,8 +192,15 @@ mod tests {
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("others.jsonl");
+        let bundles = scenes.rows(StrategyKind::Bundle, &path, &|_, _| ()).unwrap();
+        for (row, ours) in bundles.iter().zip(&table.ours) {
+            let expected = &ours.exact["bundle"];
+            assert!(row.percent_coherent > 0.0);
+            assert!((row.percent_coherent - expected.percent_coherent).abs() < 1e-9);
+            assert_eq!(row.ratio_work.to_bits(), expected.ratio_work.to_bits());
+        }
         let rows = scenes.rows(StrategyKind::Speer1985, &path, &|_, _| ()).unwrap();
-        assert_eq!(rows.len(), table.ours.len());
+        assert_eq!((rows.len(), bundles.len()), (table.ours.len(), table.ours.len()));
         for (row, ours) in rows.iter().zip(&table.ours) {
             let expected = &ours.strategies["speer-1985"];
             // The two round at other places.

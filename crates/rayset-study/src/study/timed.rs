@@ -36,8 +36,13 @@ pub(super) struct Cell {
 /// The strategies of a cell: `standard`, and those that use coherence.
 pub(super) const STRATEGIES: [&str; 4] = ["standard", "speer-1985", "speer-1985-misses", "coherent"];
 
-/// The paper's "other algorithmic methods".
-pub(super) const OTHERS: [StrategyKind; 2] = [StrategyKind::Cellular, StrategyKind::Hierarchical];
+/// The paper's "other algorithmic methods", and coherence over one of them.
+pub(super) const OTHERS: [StrategyKind; 3] =
+    [StrategyKind::Cellular, StrategyKind::Hierarchical, StrategyKind::Bundle];
+
+/// Which of [`names`] have coherent rays, and which each would be without them: `bundle` over `hierarchical`, the rest
+/// over `standard`.
+pub(super) const COHERENT: [(usize, usize); 4] = [(1, 0), (2, 0), (3, 0), (6, 5)];
 
 /// The names of all of them, in the order in which [`Timed`] holds them.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
@@ -61,15 +66,15 @@ pub(super) struct Measured {
 }
 
 impl Timed {
-    /// Work over that of `standard`.
-    pub(super) fn ratio_of_work(&self, strategy: usize) -> f64 {
-        float(self.strategies[strategy].counts.in_tests()) / float(self.strategies[0].counts.in_tests())
+    /// Work over that of another strategy.
+    pub(super) fn ratio_of_work(&self, strategy: usize, over: usize) -> f64 {
+        float(self.strategies[strategy].counts.in_tests()) / float(self.strategies[over].counts.in_tests())
     }
 
-    /// Time over that of `standard`: the median of the repetitions, each of which has both.
-    pub(super) fn ratio_of_time(&self, strategy: usize) -> f64 {
-        let pairs = self.strategies[strategy].seconds.iter().zip(&self.strategies[0].seconds);
-        Median::of(&pairs.map(|(ours, standard)| ours / standard).collect::<Vec<_>>()).value
+    /// Time over that of another strategy: the median of the repetitions, each of which has both.
+    pub(super) fn ratio_of_time(&self, strategy: usize, over: usize) -> f64 {
+        let pairs = self.strategies[strategy].seconds.iter().zip(&self.strategies[over].seconds);
+        Median::of(&pairs.map(|(ours, theirs)| ours / theirs).collect::<Vec<_>>()).value
     }
 
     /// The least of the repetitions: what else runs on the machine only adds.
@@ -84,7 +89,7 @@ impl Timed {
         let (least, greatest) = ratios
             .iter()
             .fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), &ratio| (a.min(ratio), b.max(ratio)));
-        (greatest - least) / self.ratio_of_time(strategy)
+        (greatest - least) / self.ratio_of_time(strategy, 0)
     }
 }
 
@@ -209,6 +214,8 @@ impl Experiment for Cell {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::journal::Journal;
+    use crate::study::runner::run_missing;
 
     const CELL: Cell = Cell {
         spheres: 8,
@@ -246,7 +253,7 @@ mod tests {
         let timed = CELL.run().unwrap();
         assert_eq!(timed.strategies.len(), STRATEGIES.len());
         assert!(timed.strategies.iter().all(|s| s.counts.cast[0] == 1024 && s.seconds.len() == 2));
-        assert!(timed.ratio_of_work(3) < 1.0 && timed.ratio_of_time(1) > 0.0 && timed.seconds(0) > 0.0);
+        assert!(timed.ratio_of_work(3, 0) < 1.0 && timed.ratio_of_time(1, 0) > 0.0 && timed.seconds(0) > 0.0);
     }
 
     #[test]
@@ -257,5 +264,38 @@ mod tests {
         assert_eq!(timed.strategies.len(), STRATEGIES.len() + OTHERS.len());
         let cellular = &timed.strategies[4].counts;
         assert!(cellular.work.cells_visited > 0 && cellular.cast == timed.strategies[0].counts.cast);
+        // What is coherent, and what the same would be without.
+        let names: Vec<_> = names().collect();
+        assert_eq!(COHERENT.map(|(i, _)| names[i])[2..], ["coherent", "bundle"]);
+        assert_eq!(COHERENT.map(|(_, over)| names[over])[2..], ["standard", "hierarchical"]);
+        for (i, strategy) in timed.strategies.iter().enumerate() {
+            let is_coherent = strategy.counts.percent_coherent() > 0.0;
+            assert_eq!(is_coherent, COHERENT.iter().any(|&(coherent, _)| coherent == i), "{}", names[i]);
+        }
+        let [hierarchical, bundle] = [5, 6].map(|i| &timed.strategies[i].counts);
+        assert!(bundle.percent_coherent() > 50.0 && bundle.coherent == [0; 4], "{bundle:?}");
+        assert_eq!((bundle.cast, hierarchical.cast), (cellular.cast, cellular.cast));
+        let over_standard = timed.ratio_of_work(6, 0) / timed.ratio_of_work(5, 0);
+        assert!((timed.ratio_of_work(6, 5) / over_standard - 1.0).abs() < 1e-12);
+        assert!(timed.ratio_of_time(6, 5) > 0.0);
+    }
+
+    #[test]
+    fn a_cell_that_was_measured_with_fewer_methods_is_another_experiment() {
+        let cell = Cell { others: true, ..CELL };
+        let mut earlier = cell.key();
+        let others = earlier.experiment.get_mut("others").unwrap();
+        assert_eq!(others, "cellular hierarchical bundle");
+        *others = "cellular hierarchical".to_owned();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map.jsonl");
+        let mut journal = Journal::open(&path).unwrap();
+        journal.append(earlier, Timed { strategies: Vec::new() }).unwrap();
+        assert!(journal.get(&cell.key()).is_none());
+        run_missing(&mut journal, &[cell], 1, &|_, _| ()).unwrap();
+        drop(journal);
+        let journal = Journal::<Timed>::read(&path).unwrap();
+        assert_eq!(journal.len(), 2);
+        assert_eq!(journal.get(&cell.key()).unwrap().strategies.len(), names().count());
     }
 }

@@ -13,7 +13,7 @@ mod run;
 pub use self::column::Column;
 pub use self::paper::{PAPER, PaperRow};
 pub use self::plan::{Reading, Table1Plan};
-pub(crate) use self::recorded::{Recorded, RecordedRow, RecordedStrategy};
+pub(crate) use self::recorded::{Recorded, RecordedExact, RecordedRow, RecordedStrategy};
 pub use self::results::{
     ExactRow, Fitted, KindRow, Misses, ModelReport, OptionsReport, Pictures, PresetReport, Row, StrategyRow,
     Table1,

@@ -41,14 +41,21 @@ pub(crate) struct RecordedPreset {
 /// One scene, over all seeds.
 #[derive(Clone, Debug, Deserialize)]
 pub(crate) struct RecordedRow {
+    /// The name of the scene.
+    pub(crate) scene: String,
     /// The number of spheres; `None` for a mesh.
     pub(crate) spheres: Option<u32>,
+    /// The number of bounding volumes: the paper's n.
+    pub(crate) volumes: u64,
     /// The number of seeds.
     pub(crate) seeds: u64,
     /// The side of the image, in pixels.
     pub(crate) resolution: u32,
     /// What each strategy took, by name.
     pub(crate) strategies: BTreeMap<String, RecordedStrategy>,
+    /// What exact strategies took, by name; none in older results.
+    #[serde(default)]
+    pub(crate) exact: BTreeMap<String, RecordedExact>,
 }
 
 /// What a strategy took for a scene, over all seeds.
@@ -62,6 +69,23 @@ pub(crate) struct RecordedStrategy {
     pub(crate) percent_coherent_spread: Spread,
     /// Time over that of `standard`, of all pairs.
     pub(crate) ratio_time_spread: Spread,
+    /// Work over that of `standard`.
+    pub(crate) ratio_work: f64,
+    /// Pixels that differ from those of `standard`, over all seeds.
+    pub(crate) wrong_pixels: u64,
+}
+
+/// What an exact strategy took for a scene, over all seeds.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct RecordedExact {
+    /// Time inside the strategy's calls, in seconds.
+    pub(crate) seconds: f64,
+    /// Coherent rays in percent of the rays cast, of all seeds together; not in older results.
+    pub(crate) percent_coherent: Option<f64>,
+    /// Its spread over seeds.
+    pub(crate) percent_coherent_spread: Option<Spread>,
+    /// Time over that of `standard`, of all pairs.
+    pub(crate) ratio_time: Spread,
     /// Work over that of `standard`.
     pub(crate) ratio_work: f64,
     /// Pixels that differ from those of `standard`, over all seeds.
@@ -88,6 +112,13 @@ pub(crate) struct RecordedOptions {
     /// All others.
     #[serde(flatten)]
     pub(crate) others: BTreeMap<String, Value>,
+}
+
+impl RecordedRow {
+    /// How many pixels were rendered, of all seeds together.
+    pub(crate) fn pixels(&self) -> u64 {
+        u64::from(self.resolution) * u64::from(self.resolution) * self.seeds
+    }
 }
 
 impl Recorded {
@@ -134,9 +165,26 @@ mod tests {
         for (recorded, row) in recorded.ours.iter().zip(&table.ours) {
             assert_eq!(recorded.spheres, row.spheres);
             assert!(recorded.strategies.keys().eq(row.strategies.keys()));
+            assert!(recorded.exact.keys().eq(row.exact.keys()) && recorded.exact.len() == plan.exact.len());
+            for (recorded, exact) in recorded.exact.values().zip(row.exact.values()) {
+                // What is read from JSON may differ in the last bit.
+                let percent = recorded.percent_coherent.unwrap();
+                assert!((percent - exact.percent_coherent).abs() < 1e-9);
+                assert!((recorded.ratio_time.median - exact.ratio_time.median).abs() < 1e-9);
+            }
         }
+        let path = folder.path().join("table1.json");
+        let mut earlier: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+        let rows = earlier["ours"].as_array_mut().unwrap();
+        rows[0].as_object_mut().unwrap().remove("exact");
+        rows[1]["exact"]["bundle"].as_object_mut().unwrap().remove("percent_coherent");
+        fs::write(&path, earlier.to_string()).unwrap();
+        let recorded_earlier = Recorded::read(folder.path()).unwrap().unwrap();
+        assert!(recorded_earlier.ours[0].exact.is_empty());
+        assert!(recorded.ours[1].exact["bundle"].percent_coherent > Some(50.0));
+        assert_eq!(recorded_earlier.ours[1].exact["bundle"].percent_coherent, None);
         assert_eq!(recorded.presets.len(), table.presets.len());
-        fs::write(folder.path().join("table1.json"), "{").unwrap();
+        fs::write(&path, "{").unwrap();
         assert!(matches!(Recorded::read(folder.path()), Err(StudyError::Read { .. })));
     }
 }

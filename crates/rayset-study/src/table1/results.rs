@@ -59,6 +59,10 @@ pub struct Row {
 pub struct ExactRow {
     /// Time inside the strategy's calls, in seconds.
     pub seconds: f64,
+    /// Coherent rays in percent of the rays cast: see [`Counts::percent_coherent`](crate::Counts::percent_coherent).
+    pub percent_coherent: f64,
+    /// Its spread over seeds, in percent.
+    pub percent_coherent_spread: Spread,
     /// Time over that of `standard`, over all pairs.
     pub ratio_time: Spread,
     /// The same of whole frames.

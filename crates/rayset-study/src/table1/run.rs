@@ -286,12 +286,15 @@ fn mean(values: &[f64]) -> f64 {
 
 impl Gathered {
     fn exact(&self, standard: &Self) -> ExactRow {
-        let work = |gathered: &Self| float(Counts::of(&gathered.rays, &gathered.stats).in_tests());
+        let [all, all_standard] = [self, standard].map(|it| Counts::of(&it.rays, &it.stats));
+        let percents: Vec<_> = self.counts.iter().map(Counts::percent_coherent).collect();
         ExactRow {
             seconds: mean(&self.seconds),
+            percent_coherent: all.percent_coherent(),
+            percent_coherent_spread: Spread::of(&percents),
             ratio_time: Spread::of(&self.ratios),
             ratio_time_frame: Spread::of(&self.ratios_frame),
-            ratio_work: work(self) / work(standard),
+            ratio_work: float(all.in_tests()) / float(all_standard.in_tests()),
             wrong_pixels: self.wrong_pixels.iter().sum(),
         }
     }

@@ -31,8 +31,11 @@ const BLUE_TO_RED: [[u8; 3]; 9] = [
 ];
 
 /// Okabe and Ito's colours, without those that are too light for lines.
-const OF_DATA: [[u8; 3]; 6] =
+const OF_DATA: [[u8; 3]; N_COLOURS] =
     [[230, 159, 0], [213, 94, 0], [0, 158, 115], [204, 121, 167], [0, 114, 178], [86, 180, 233]];
+
+/// How many colours of data there are.
+pub(super) const N_COLOURS: usize = 6;
 
 /// A colour for a curve or a kind of point, by its number.
 pub(in crate::html) fn data_colour(number: usize) -> RGBColor {
@@ -90,6 +93,8 @@ impl Scale {
     pub(in crate::html) fn text(self, value: f64) -> String {
         match self {
             Self::Percent => format!("{value:.0}"),
+            // Two digits of what other methods leave over.
+            Self::Ratio { .. } if value < 0.1 => format!("{value:.3}"),
             Self::Ratio { .. } => format!("{value:.2}"),
         }
     }

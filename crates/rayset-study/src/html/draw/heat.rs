@@ -105,14 +105,10 @@ impl HeatMap<'_> {
             let colour = self.scale.colour(value);
             rectangle(area, from, (to.0 - 1, to.1 - 1), colour)?;
             let middle = (i32::midpoint(from.0, to.0), y + self.cell() / 2);
-            text(
-                area,
-                &self.scale.text(value),
-                middle,
-                (HPos::Center, VPos::Center),
-                14,
-                readable_on(colour),
-            )?;
+            let shown = self.scale.text(value);
+            // Three digits behind the point need more room.
+            let size = if shown.len() > 4 { 12 } else { 14 };
+            text(area, &shown, middle, (HPos::Center, VPos::Center), size, readable_on(colour))?;
         }
         Ok(())
     }

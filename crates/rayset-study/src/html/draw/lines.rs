@@ -2,7 +2,7 @@
 
 use plotters::style::text_anchor::{HPos, VPos};
 
-use super::{Failure, INK, RULE, data_colour, line, marker, pixel, place, svg, text, upwards};
+use super::{Failure, INK, RULE, data_colour, line, marker, pixel, place, stretch, svg, text, upwards};
 use crate::StudyError;
 
 /// Curves over the logarithm of n.
@@ -13,7 +13,7 @@ pub(in crate::html) struct Lines<'a> {
     pub(in crate::html) upwards: &'static str,
     /// The greatest value that is sure to fit.
     pub(in crate::html) top: f64,
-    /// The distance of lines of the grid.
+    /// The distance of lines of the grid, or twice and more where there would be many.
     pub(in crate::html) grid: f64,
     /// A value that is drawn through.
     pub(in crate::html) reference: Option<f64>,
@@ -56,7 +56,13 @@ impl Lines<'_> {
         let height = BOTTOM + 50 + ENTRY * place(self.curves.len()) + 4;
         let points = || self.curves.iter().flat_map(|curve| &curve.points);
         let values = points().flat_map(|p| [p.value, p.quartiles.map_or(p.value, |q| q.1)]);
-        let top = (values.fold(self.top, f64::max) / self.grid).ceil() * self.grid;
+        let greatest = values.fold(self.top, f64::max);
+        let mut grid = self.grid;
+        // Lines so close that their numbers would touch tell nothing.
+        while greatest > 10.0 * grid {
+            grid *= 2.0;
+        }
+        let top = (greatest / grid).ceil() * grid;
         let mut numbers: Vec<u32> = points().map(|point| point.n).collect();
         numbers.sort_unstable();
         numbers.dedup();
@@ -73,7 +79,7 @@ impl Lines<'_> {
                 line(area, (LEFT, y(level)), (RIGHT, y(level)), RULE, 1)?;
                 let shown = if self.grid < 1.0 { format!("{level:.2}") } else { format!("{level:.0}") };
                 text(area, &shown, (LEFT - 6, y(level)), (HPos::Right, VPos::Center), 15, INK)?;
-                level += self.grid;
+                level += grid;
             }
             for &n in &numbers {
                 line(area, (x(n), BOTTOM), (x(n), BOTTOM + 4), INK, 1)?;
@@ -91,10 +97,9 @@ impl Lines<'_> {
             }
             for (i, curve) in self.curves.iter().enumerate() {
                 let at = BOTTOM + 58 + ENTRY * place(i);
-                let colour = data_colour(curve.style);
-                line(area, (LEFT, at), (LEFT + 28, at), colour, 2)?;
-                marker(area, curve.style, (LEFT + 14, at), colour)?;
-                text(area, &curve.name, (LEFT + 36, at), (HPos::Left, VPos::Center), 15, INK)?;
+                stretch(area, curve.style, (LEFT, at), (LEFT + 36, at))?;
+                marker(area, curve.style, (LEFT + 18, at))?;
+                text(area, &curve.name, (LEFT + 44, at), (HPos::Left, VPos::Center), 15, INK)?;
             }
             Ok(())
         })
@@ -111,13 +116,13 @@ impl Curve {
         let colour = data_colour(self.style);
         for pair in self.points.windows(2) {
             let [from, to] = [pair[0], pair[1]].map(|point| (x(point.n), y(point.value)));
-            line(area, from, to, colour, 2)?;
+            stretch(area, self.style, from, to)?;
         }
         for &Point { n, value, quartiles } in &self.points {
             if let Some((low, high)) = quartiles {
                 line(area, (x(n), y(low)), (x(n), y(high)), colour, 1)?;
             }
-            marker(area, self.style, (x(n), y(value)), colour)?;
+            marker(area, self.style, (x(n), y(value)))?;
         }
         Ok(())
     }

@@ -6,9 +6,11 @@ mod lines;
 mod scatter;
 
 use plotters::coord::Shift;
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use self::colours::N_COLOURS;
 pub(super) use self::colours::{Scale, data_colour};
 pub(super) use self::heat::HeatMap;
 pub(super) use self::lines::{Curve, Lines, Point};
@@ -77,9 +79,25 @@ fn rectangle(area: &Area<'_>, from: (i32, i32), to: (i32, i32), color: RGBColor)
     Ok(area.draw(&Rectangle::new([from, to], color.filled()))?)
 }
 
+/// The shape of a curve's points, and whether its line is dashed: others where a colour comes again.
+fn look(style: usize) -> (usize, bool) {
+    let round = style / N_COLOURS;
+    ((style + round) % 6, round % 2 == 1)
+}
+
+/// A part of a curve.
+fn stretch(area: &Area<'_>, style: usize, from: (i32, i32), to: (i32, i32)) -> Result<(), Failure> {
+    if !look(style).1 {
+        return line(area, from, to, data_colour(style), 2);
+    }
+    let stroke = data_colour(style).stroke_width(2);
+    Ok(area.draw(&DashedPathElement::new([from, to], 6, 4, stroke))?)
+}
+
 /// One of several shapes, so that no reader needs colours.
-fn marker(area: &Area<'_>, shape: usize, at: (i32, i32), color: RGBColor) -> Result<(), Failure> {
-    match shape % 6 {
+fn marker(area: &Area<'_>, style: usize, at: (i32, i32)) -> Result<(), Failure> {
+    let color = data_colour(style);
+    match look(style).0 {
         0 => area.draw(&Circle::new(at, 5, color.filled()))?,
         1 => area.draw(&TriangleMarker::new(at, 6, color.filled()))?,
         2 => area.draw(&Rectangle::new([(at.0 - 4, at.1 - 4), (at.0 + 4, at.1 + 4)], color.filled()))?,
@@ -104,7 +122,19 @@ fn place(index: usize) -> i32 {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::HashSet;
+
     use super::*;
+
+    #[test]
+    fn curves_of_one_colour_differ_in_shape_and_dashes() {
+        let looks: HashSet<_> = (0..12).map(|style| (data_colour(style).rgb(), look(style))).collect();
+        assert_eq!(looks.len(), 12);
+        for style in 0..N_COLOURS {
+            let (first, second) = (look(style), look(style + N_COLOURS));
+            assert!(first.0 != second.0 && first.1 != second.1, "{style}");
+        }
+    }
 
     #[test]
     fn a_figure_says_what_it_is() {

@@ -6,25 +6,28 @@ use super::Sheet;
 use crate::study::counts::{Counts, float, ratio};
 use crate::study::interval::Median;
 use crate::study::journal::Journal;
-use crate::study::timed::{STRATEGIES, Timed};
+use crate::study::timed::{COHERENT, Timed, names};
 
 /// Sections 3 and 4, in counts.
 pub(super) fn markdown(sheet: &Sheet, journal: &Journal<Timed>) -> String {
     let mut text = String::from(
-        "\nWhat section 3 says of savings, cell by cell and seed by seed; C is the fraction of coherent rays, the ratio that of work.\n\n| strategy | cells | ratio below 1 - C | least ratio - (1 - C) | pairs of n where more coherence goes with less work |\n|---|---:|---:|---:|---:|\n",
+        "\nWhat section 3 says of savings, cell by cell and seed by seed; C is the fraction of coherent rays, the ratio that of work over the same without coherence.\n\n| strategy | over | cells | ratio below 1 - C | least ratio - (1 - C) | pairs of n where more coherence goes with less work |\n|---|---|---:|---:|---:|---:|\n",
     );
-    for (strategy, name) in STRATEGIES.iter().enumerate().skip(1) {
+    let names: Vec<_> = names().collect();
+    for (strategy, over) in COHERENT {
         let slacks: Vec<_> = sheet
             .cells()
             .filter_map(|cell| journal.get(&super::Experiment::key(&cell)))
             .map(|timed| {
                 let incoherent = 1.0 - timed.strategies[strategy].counts.percent_coherent() / 100.0;
-                timed.ratio_of_work(strategy) - incoherent
+                timed.ratio_of_work(strategy, over) - incoherent
             })
             .collect();
-        let (concordant, pairs) = concordance(sheet, journal, strategy);
+        let (concordant, pairs) = concordance(sheet, journal, (strategy, over));
         let line = format!(
-            "| `{name}` | {} | {} | {:.3} | {:.0} % of {pairs} |",
+            "| `{}` | `{}` | {} | {} | {:.3} | {:.0} % of {pairs} |",
+            names[strategy],
+            names[over],
             slacks.len(),
             slacks.iter().filter(|&&slack| slack < 0.0).count(),
             slacks.iter().copied().fold(f64::INFINITY, f64::min),
@@ -37,7 +40,7 @@ pub(super) fn markdown(sheet: &Sheet, journal: &Journal<Timed>) -> String {
 }
 
 /// At each resolution, pairs of numbers of spheres: in how many of all does the one with more coherence have less work?
-fn concordance(sheet: &Sheet, journal: &Journal<Timed>, strategy: usize) -> (u64, u64) {
+fn concordance(sheet: &Sheet, journal: &Journal<Timed>, (strategy, over): (usize, usize)) -> (u64, u64) {
     let (mut concordant, mut pairs) = (0, 0);
     for &side in &sheet.resolutions {
         let medians: Vec<_> = sheet
@@ -50,7 +53,7 @@ fn concordance(sheet: &Sheet, journal: &Journal<Timed>, strategy: usize) -> (u64
                 };
                 (
                     median(&|timed| timed.strategies[strategy].counts.percent_coherent()),
-                    median(&|timed| timed.ratio_of_work(strategy)),
+                    median(&|timed| timed.ratio_of_work(strategy, over)),
                 )
             })
             .filter(|(coherence, ratio)| coherence.is_finite() && ratio.is_finite())

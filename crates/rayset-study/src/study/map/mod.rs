@@ -119,3 +119,37 @@ pub(super) fn report(folder: &Path, scale: Scale) -> Result<String, StudyError> 
     let journal = Journal::read(&StudyName::Map.path(folder))?;
     Ok(report::markdown(&sheets(scale), &journal))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::timed::names;
+
+    #[test]
+    fn every_strategy_is_on_the_map_and_coherence_where_there_is_any() {
+        let folder = tempfile::tempdir().unwrap();
+        run(folder.path(), Scale::Tiny, &|_, _| ()).unwrap();
+        let text = report(folder.path(), Scale::Tiny).unwrap();
+        let planes = planes(folder.path(), Scale::Tiny).unwrap();
+        for plane in &planes {
+            assert!(plane.strategies.iter().map(|(name, _)| *name).eq(names().skip(1)));
+            for (name, figures) in &plane.strategies {
+                assert!(text.contains(&format!("`{name}`, ratio of work:")), "{name}");
+                assert!(text.contains(&format!("`{name}`, ratio of times")), "{name}");
+                let is_alone = ["cellular", "hierarchical"].contains(name);
+                assert_eq!(figures.coherence.is_none(), is_alone, "{name}");
+                assert_eq!(text.contains(&format!("`{name}`, percent coherent:")), !is_alone, "{name}");
+            }
+            let (_, bundle) = plane.strategies.last().unwrap();
+            let most = bundle.coherence.iter().flatten().flatten().flatten().copied().fold(0.0, f64::max);
+            assert!(most > 50.0 && most <= 100.0, "{most}");
+        }
+        for line in
+            ["`bundle` over `hierarchical`, ratio of times", "| `bundle` over `hierarchical` | work |"]
+        {
+            assert!(text.contains(line), "{line}");
+        }
+        // Section 3 is held against it in every sheet of scanlines.
+        assert_eq!(text.matches("\n| `bundle` | `hierarchical` | 8 |").count(), 1, "{text}");
+    }
+}

@@ -9,19 +9,19 @@ use crate::PAPER;
 use crate::study::counts::{Distribution, Kinds, ratio};
 use crate::study::interval::Median;
 use crate::study::journal::Journal;
-use crate::study::timed::{STRATEGIES, Timed, names};
+use crate::study::timed::{COHERENT, STRATEGIES, Timed, names};
 
 /// What is shown of a cell.
-type Figure = (&'static str, fn(&Timed, usize) -> f64);
+type Figure = (&'static str, fn(&Timed, usize, usize) -> f64);
 
 const COHERENCE: Figure =
-    ("percent coherent", |timed, strategy| timed.strategies[strategy].counts.percent_coherent());
+    ("percent coherent", |timed, strategy, _| timed.strategies[strategy].counts.percent_coherent());
 const WORK: Figure = ("ratio of work", Timed::ratio_of_work);
 const TIME: Figure = ("ratio of times (wall clock, inside the strategy's calls)", Timed::ratio_of_time);
 
 pub(super) fn markdown(sheets: &[Sheet], journal: &Journal<Timed>) -> String {
     let mut text = String::from(
-        "Medians over seeds; work and times are over those of `standard`.\nTimes are of one thread with scalar lanes, the strategies in turn, the median of three.\n",
+        "Medians over seeds; work and times are over those of `standard`, where nothing else is said.\nTimes are of one thread with scalar lanes, the strategies in turn, the median of three.\nCoherent rays of `bundle` are those answered under the shaft of a packet or a tile.\n",
     );
     for sheet in sheets {
         let cells = sheet.spheres.len() * sheet.resolutions.len() * usize::try_from(sheet.seeds).unwrap_or(0);
@@ -36,10 +36,12 @@ pub(super) fn markdown(sheets: &[Sheet], journal: &Journal<Timed>) -> String {
         }
         for (strategy, name) in names().enumerate().skip(1) {
             text += &format!("\n<details><summary>Tables of {name}</summary>\n");
-            let is_coherent = strategy < STRATEGIES.len();
-            let figures = [COHERENCE, WORK, TIME].into_iter().skip(usize::from(!is_coherent));
-            for figure in figures {
-                text += &table(sheet, journal, strategy, name, figure);
+            if COHERENT.iter().any(|&(coherent, _)| coherent == strategy) {
+                text += &table(sheet, journal, (strategy, 0), COHERENCE);
+            }
+            for ratio in ratios().filter(|&(ours, _)| ours == strategy) {
+                text += &table(sheet, journal, ratio, WORK);
+                text += &table(sheet, journal, ratio, TIME);
             }
             text += "\n</details>\n";
         }
@@ -52,15 +54,30 @@ pub(super) fn markdown(sheets: &[Sheet], journal: &Journal<Timed>) -> String {
     text
 }
 
+/// Every strategy over `standard`, and over what it would be without coherence where that is another.
+fn ratios() -> impl Iterator<Item = (usize, usize)> {
+    let over_standard = (1..names().count()).map(|strategy| (strategy, 0));
+    over_standard.chain(COHERENT.into_iter().filter(|&(_, over)| over > 0))
+}
+
+/// A strategy, and what it is compared with if that is not `standard`.
+fn named((strategy, over): (usize, usize)) -> String {
+    let name = |i| names().nth(i).unwrap_or_default();
+    if over == 0 {
+        format!("`{}`", name(strategy))
+    } else {
+        format!("`{}` over `{}`", name(strategy), name(over))
+    }
+}
+
 /// A figure over the plane.
 fn table(
     sheet: &Sheet,
     journal: &Journal<Timed>,
-    strategy: usize,
-    strategy_name: &str,
+    (strategy, over): (usize, usize),
     (name, figure): Figure,
 ) -> String {
-    let mut text = format!("\n`{strategy_name}`, {name}:\n\n| n |");
+    let mut text = format!("\n{}, {name}:\n\n| n |", named((strategy, over)));
     for side in &sheet.resolutions {
         text += &format!(" {side} |");
     }
@@ -69,7 +86,7 @@ fn table(
         text += &format!("| {n} |");
         for &side in &sheet.resolutions {
             let values: Vec<_> =
-                sheet.timed(journal, n, side).iter().map(|timed| figure(timed, strategy)).collect();
+                sheet.timed(journal, n, side).iter().map(|timed| figure(timed, strategy, over)).collect();
             let median = Median::of(&values).value;
             text += &match () {
                 () if values.is_empty() => " |".to_owned(),
@@ -101,14 +118,15 @@ fn crossings(sheet: &Sheet, journal: &Journal<Timed>) -> String {
     let mut text = String::from(
         "\nWhere the ratio is below 1: from n, to n, interpolated seed by seed; medians with intervals over seeds.\n\n| strategy | of | resolution | from | to | seeds that never win |\n|---|---|---:|---|---|---:|\n",
     );
-    for (strategy, strategy_name) in names().enumerate().skip(1) {
+    for (strategy, over) in ratios() {
+        let compared = named((strategy, over));
         for (name, figure) in [("work", WORK.1), ("time", TIME.1)] {
             for &side in &sheet.resolutions {
                 let curves: Vec<Vec<(f64, f64)>> = (1..=sheet.seeds)
                     .map(|seed| {
                         let cells = sheet.spheres.iter().filter_map(|&n| {
                             let timed = journal.get(&super::Experiment::key(&sheet.cell(n, side, seed)))?;
-                            Some((f64::from(n), figure(timed, strategy)))
+                            Some((f64::from(n), figure(timed, strategy, over)))
                         });
                         cells.collect()
                     })
@@ -117,7 +135,7 @@ fn crossings(sheet: &Sheet, journal: &Journal<Timed>) -> String {
                 let wins: Vec<_> = curves.iter().filter_map(|curve| Wins::of(curve)).collect();
                 let ends = |end: fn(&Wins) -> f64| interval(&wins.iter().map(end).collect::<Vec<_>>());
                 let line = format!(
-                    "| `{strategy_name}` | {name} | {side} | {} | {} | {} of {} |",
+                    "| {compared} | {name} | {side} | {} | {} | {} of {} |",
                     ends(|wins| wins.from),
                     ends(|wins| wins.to),
                     curves.len() - wins.len(),

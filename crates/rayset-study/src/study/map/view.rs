@@ -8,7 +8,7 @@ use crate::StudyError;
 use crate::study::interval::Median;
 use crate::study::journal::Journal;
 use crate::study::runner::Experiment;
-use crate::study::timed::{Timed, names, shared};
+use crate::study::timed::{COHERENT, Timed, names, shared};
 use crate::study::{Scale, StudyName};
 
 /// A sheet of the map: medians over seeds.
@@ -35,8 +35,8 @@ pub(crate) struct Plane {
 /// What is known of a strategy, row by row.
 #[derive(Debug)]
 pub(crate) struct Figures {
-    /// Coherent rays in percent of all.
-    pub(crate) coherence: Vec<Vec<Option<f64>>>,
+    /// Coherent rays in percent of all; none of a strategy that has no coherent rays.
+    pub(crate) coherence: Option<Vec<Vec<Option<f64>>>>,
     /// Work over that of `standard`.
     pub(crate) work: Ratios,
     /// Time over that of `standard`.
@@ -68,9 +68,12 @@ fn plane(sheet: &Sheet, journal: &Journal<Timed>) -> Plane {
         sheet.resolutions.iter().map(row).collect()
     };
     let figures = |strategy: usize| Figures {
-        coherence: median(&|timed| timed.strategies[strategy].counts.percent_coherent()),
-        work: Ratios::of(median(&|timed| timed.ratio_of_work(strategy))),
-        time: Ratios::of(median(&|timed| timed.ratio_of_time(strategy))),
+        coherence: COHERENT
+            .iter()
+            .any(|&(coherent, _)| coherent == strategy)
+            .then(|| median(&|timed| timed.strategies[strategy].counts.percent_coherent())),
+        work: Ratios::of(median(&|timed| timed.ratio_of_work(strategy, 0))),
+        time: Ratios::of(median(&|timed| timed.ratio_of_time(strategy, 0))),
     };
     let finished = sheet.cells().filter(|cell| journal.get(&cell.key()).is_some()).count();
     Plane {
