@@ -36,11 +36,11 @@ impl<const W: usize> Exact<'_, W> {
     }
 
     /// The exact hit of a ray of the columns, if there is one, of a record.
-    #[inline(never)]
-    pub(crate) fn hit(&self, ray: usize, record: u32) -> Option<Hit> {
+    #[inline(always)]
+    pub(crate) fn hit<S: Simd>(&self, simd: S, ray: usize, record: u32) -> Option<Hit> {
         let departure = self.shapes.departure(self.rays.left(ray));
         let (ray, span) = self.rays.ray(ray);
-        self.shapes.exact_alone(&ray, span, departure, &self.sure(record))
+        self.shapes.exact_alone(simd, (&ray, span), departure, &self.sure(record))
     }
 }
 
@@ -164,7 +164,7 @@ impl<const W: usize> Shapes<W> {
             lanes &= lanes - 1;
             let (ray, span) = rays.ray(first + lane);
             let departure = self.departure(left.get(lane).copied().flatten());
-            found[lane] = self.exact_alone(&ray, span, departure, &sure[lane]);
+            found[lane] = self.exact_alone(simd, (&ray, span), departure, &sure[lane]);
             debug_assert!(found[lane].is_some(), "a sure hit is one");
         }
     }

@@ -547,7 +547,7 @@ impl<const W: usize> Wide<W> {
         match self.nearest_of::<S, C>(simd, &traced, None, scratch).found {
             Found::Nothing => None,
             Found::At(hit) => Some(hit),
-            Found::Sure(sure) => self.shapes.exact_alone(ray, span, traced.departure, &sure),
+            Found::Sure(sure) => self.shapes.exact_alone(simd, (ray, span), traced.departure, &sure),
         }
     }
 

@@ -7,7 +7,7 @@ use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
     ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
 };
-use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
+use rayset_simd::{LaneMask, Lanes, Part, Scalar, Simd};
 
 use crate::axes::AxisBlock;
 use crate::build::Reference;
@@ -485,29 +485,16 @@ impl<const W: usize> Shapes<W> {
         &self.box_blocks[run.boxes as usize]
     }
 
-    /// The exact hit by a ray that is not prepared.
-    pub(crate) fn exact_alone(
+    /// The exact hit of a primitive by a ray that is not prepared.
+    #[inline(always)]
+    pub(crate) fn exact_alone<S: Simd>(
         &self,
-        ray: &Ray,
-        span: Span,
+        simd: S,
+        (ray, span): (&Ray, Span),
         departure: Option<Departure>,
         sure: &Sure,
     ) -> Option<Hit> {
-        let Sure { kind, index, sides } = *sure;
-        let side = departure.filter(|d| d.kind == kind && d.index == index).map(|d| d.side);
-        let t = match kind {
-            PrimitiveKind::Sphere => self.spheres[index as usize].intersect(ray, span, sides, side),
-            PrimitiveKind::Triangle => {
-                let probe = Probe::new(Scalar, ray, span, true);
-                self.triangles[index as usize].intersect(&probe, sides, side)
-            }
-            PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                let probe = Probe::new(Scalar, ray, span, kind == PrimitiveKind::Polygon);
-                let column = ColumnRun { kind, sides, range: index..index + 1 };
-                self.columns.nearest(&probe, &column, departure).map(|hit| hit.t)
-            }
-        };
-        t.map(|t| Hit { t, primitive: self.number(kind, index) })
+        simd.outline(ExactAlone { shapes: self, ray, span, departure, sure })
     }
 
     /// The hit that was known by an interval only.
@@ -751,6 +738,40 @@ impl<const W: usize> Shapes<W> {
             + size_of_val(&self.places[..])
             + self.numbers.iter().map(|numbers| size_of_val(&numbers[..])).sum::<usize>()
             + self.columns.bytes()
+    }
+}
+
+/// A ray and a primitive that it may hit.
+struct ExactAlone<'a, const W: usize> {
+    shapes: &'a Shapes<W>,
+    ray: &'a Ray,
+    span: Span,
+    departure: Option<Departure>,
+    sure: &'a Sure,
+}
+
+impl<S: Simd, const W: usize> Part<S> for ExactAlone<'_, W> {
+    type Output = Option<Hit>;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> Option<Hit> {
+        let Self { shapes, ray, span, departure, sure } = self;
+        let Sure { kind, index, sides } = *sure;
+        let side = departure.filter(|d| d.kind == kind && d.index == index).map(|d| d.side);
+        let t = match kind {
+            PrimitiveKind::Sphere => shapes.spheres[index as usize].intersect(ray, span, sides, side),
+            PrimitiveKind::Triangle => {
+                let probe = Probe::new(Scalar, ray, span, true);
+                shapes.triangles[index as usize].intersect(&probe, sides, side)
+            }
+            PrimitiveKind::Polygon | PrimitiveKind::Cone => {
+                // The edges of a polygon are tested several at a time.
+                let probe = Probe::new(simd, ray, span, kind == PrimitiveKind::Polygon);
+                let column = ColumnRun { kind, sides, range: index..index + 1 };
+                shapes.columns.nearest(&probe, &column, departure).map(|hit| hit.t)
+            }
+        };
+        t.map(|t| Hit { t, primitive: shapes.number(kind, index) })
     }
 }
 

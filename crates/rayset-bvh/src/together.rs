@@ -65,7 +65,8 @@ impl<S: Simd, const W: usize> Question<S, W> for Nearest<S> {
 }
 
 impl<S: Simd> Nearest<S> {
-    /// Keeps the nearer of what a lane has found and a record, by exact tests of both.
+    /// Keeps the nearer of what a lane has found and a record, by exact tests: of the record, and of what was found where
+    /// its interval does not tell.
     #[inline(always)]
     fn compare<const W: usize>(
         &mut self,
@@ -75,20 +76,25 @@ impl<S: Simd> Nearest<S> {
         lane: usize,
         record: u32,
     ) {
-        let Some(hit) = exact.hit(packet.first + lane, record) else { return };
-        let mut records = [0.0; W];
-        self.records.store(&mut records);
-        let best = records[lane].to_bits();
-        if best != NONE
-            && let Some(best) = exact.hit(packet.first + lane, best)
-            && !hit.precedes(&best)
-        {
-            return;
+        let Some(hit) = exact.hit(simd, packet.first + lane, record) else { return };
+        let (low, high) = (packet.below(exact.frame, hit.t), packet.above(exact.frame, hit.t));
+        let mut lows = [0.0; W];
+        self.lows.store(&mut lows);
+        if high >= lows[lane] {
+            let mut records = [0.0; W];
+            self.records.store(&mut records);
+            let best = records[lane].to_bits();
+            if best != NONE
+                && let Some(best) = exact.hit(simd, packet.first + lane, best)
+                && !hit.precedes(&best)
+            {
+                return;
+            }
         }
         let mask = simd.mask_f32(1 << lane);
         self.records = simd.splat_f32(f32::from_bits(record)).select(mask, self.records);
-        self.lows = simd.splat_f32(packet.below(exact.frame, hit.t)).select(mask, self.lows);
-        packet.ends = simd.splat_f32(packet.above(exact.frame, hit.t)).select(mask, packet.ends);
+        self.lows = simd.splat_f32(low).select(mask, self.lows);
+        packet.ends = simd.splat_f32(high).select(mask, packet.ends);
     }
 
     /// What the rays of a packet have found, exactly.
@@ -197,7 +203,7 @@ impl<S: Simd, const W: usize> Question<S, W> for Hidden {
         while unsure != 0 {
             let lane = unsure.trailing_zeros();
             unsure &= unsure - 1;
-            if exact.hit(packet.first + lane as usize, record).is_some() {
+            if exact.hit(simd, packet.first + lane as usize, record).is_some() {
                 more |= 1 << lane;
             }
         }
