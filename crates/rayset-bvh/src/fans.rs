@@ -9,7 +9,7 @@ use rayset_geometry::glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::Frame;
-use crate::interval::{DEPTH_MARGIN, Edges, LeafRay, TriangleBlock, VERTEX_MARGIN};
+use crate::interval::{DEPTH_MARGIN, Edges, Intervals, LeafRay, TriangleBlock, VERTEX_MARGIN};
 use crate::packet::Packet;
 use crate::shaft::Shaft;
 
@@ -98,17 +98,21 @@ impl<const W: usize> FanBlock<W> {
         Some(Fans { possible, front, back, lows, highs })
     }
 
-    /// The rays of a packet, a lane each, that may hit the polygon at a place, and no nearer than where.
+    /// Where the rays of a packet, a lane each, hit the polygon at a place, whose front and back may be hit by some; spans
+    /// are left to the caller.
     #[inline(always)]
-    pub(crate) fn rays_that_meet<S: Simd>(
+    pub(crate) fn all_intervals<S: Simd>(
         &self,
         simd: S,
         place: u32,
         shaft: &Shaft<S>,
         packet: &Packet<S, W>,
-    ) -> (<S::F32 as Lanes>::Mask, S::F32) {
-        let mut met = simd.mask_f32(0);
-        let mut low = simd.splat_f32(f32::INFINITY);
+        (front, back): (<S::F32 as Lanes>::Mask, <S::F32 as Lanes>::Mask),
+    ) -> Intervals<S> {
+        // Rays for which one triangle is possible, for which several are, and for which one is sure.
+        let none = simd.mask_f32(0);
+        let (mut met, mut several, mut sure) = (none, none, none);
+        let (mut low, mut high) = (simd.splat_f32(f32::INFINITY), simd.splat_f32(f32::NEG_INFINITY));
         let unit = shaft.steepness * shaft.unit;
         for lane in 0..W {
             if self.lanes[lane] == 0 || u32::from(self.owners[lane]) != place {
@@ -118,11 +122,19 @@ impl<const W: usize> FanBlock<W> {
             let [a, b, c] = [packet.shear(a), packet.shear(b), packet.shear(c)];
             let edges = Edges::of(simd, [[a[0], a[1]], [b[0], b[1]], [c[0], c[1]]], VERTEX_MARGIN * unit);
             let Edges { error, least, greatest, .. } = edges;
-            met = met | least.ge(-error) | greatest.le(error);
+            let possible = least.ge(-error) | greatest.le(error);
+            let twice = error + error;
+            several = several | (met & possible);
+            met = met | possible;
+            sure = sure | (least.gt(twice) & front) | (greatest.lt(-twice) & back);
             let sz = packet.factors[2];
-            low = low.min((sz * a[2]).min(sz * b[2]).min(sz * c[2]) - simd.splat_f32(DEPTH_MARGIN * unit));
+            let (a, b, c) = (sz * a[2], sz * b[2], sz * c[2]);
+            low = low.min(a.min(b).min(c));
+            high = high.max(a.max(b).max(c));
         }
-        (met, low)
+        let slack = simd.splat_f32(DEPTH_MARGIN * unit);
+        let possible = met & (front | back);
+        Intervals { possible, sure: sure & !several, low: low - slack, high: high + slack }
     }
 
     /// Takes a polygon that may be hit out of what is known.
@@ -161,6 +173,7 @@ mod tests {
     use rayset_simd::{Backend, Kernel, Scalar};
 
     use super::*;
+    use crate::packet::{Approach, RayColumns, level};
     use crate::ray::CullRay;
 
     /// How often the single-precision answer contradicts the exact one, and how often it is sure.
@@ -245,10 +258,17 @@ mod tests {
                 } else {
                     candidate::<S, 8>(&leaf, vertices, &frame)
                 };
-                let primitive = Primitive::from(polygon);
+                let primitive = Primitive::from(polygon.clone());
                 let hit = |sides| primitive.intersect(&ray, Span::FORWARD, sides, None);
                 let exact = hit(Sides::Both);
                 tally.hits += u32::from(exact.is_some());
+                for (sides, exact) in [(Sides::Both, exact), (Sides::Front, hit(Sides::Front))] {
+                    if S::F32::LANES == 16 {
+                        tally.together::<S, 16>(simd, &ray, vertices, &frame, (self.factor, sides), exact);
+                    } else {
+                        tally.together::<S, 8>(simd, &ray, vertices, &frame, (self.factor, sides), exact);
+                    }
+                }
                 let Some(found) = found else {
                     tally.lost += u32::from(exact.is_some());
                     continue;
@@ -272,6 +292,50 @@ mod tests {
                 }
             }
             tally
+        }
+    }
+
+    impl Tally {
+        /// The same of a packet, whose last ray it is and others go the same way.
+        fn together<S: Simd, const W: usize>(
+            &mut self,
+            simd: S,
+            ray: &Ray,
+            vertices: &[DVec3],
+            frame: &Frame,
+            (factor, sides): (f32, Sides),
+            exact: Option<f64>,
+        ) {
+            let column = |value: f64| [value; W];
+            let (origins, directions) =
+                (ray.origin().to_array().map(column), ray.direction().to_array().map(column));
+            let rays = RayColumns {
+                origins: origins.each_ref().map(|column| &column[..]),
+                directions: directions.each_ref().map(|column| &column[..]),
+                spans: (&[0.0; W], &[f64::INFINITY; W]),
+                left: &[],
+            };
+            let approach = Approach::of(frame, &rays, 0..W);
+            let mut packet = [Packet::<S, W>::new(simd, frame, &rays, 0, W, &approach)];
+            let Some(unit) = level(simd, frame, &mut packet, &approach) else { return };
+            let Some(mut shaft) = Shaft::around(simd, &mut packet, unit) else { return };
+            shaft.unit *= factor;
+            let packet = &packet[0];
+            let mut block = FanBlock::<W>::EMPTY;
+            block.set(1, 3, vertices, frame);
+            let (all, none) = (simd.mask_f32(u32::MAX >> (32 - W)), simd.mask_f32(0));
+            let may = (all, if sides == Sides::Front { none } else { all });
+            let found = block.all_intervals(simd, 3, &shaft, packet, may);
+            let is = |lanes: <S::F32 as Lanes>::Mask| lanes.bits() >> (W - 1) == 1;
+            let (possible, sure) = (is(found.possible), is(found.sure));
+            let (low, high) = (found.low.lane(W - 1), found.high.lane(W - 1));
+            self.lost += u32::from(exact.is_some() && !possible);
+            self.false_sure += u32::from(exact.is_none() && sure && low > 0.0);
+            self.sure += u32::from(sure);
+            if let Some(t) = exact {
+                let is_within = low <= packet.above(frame, t) && high >= packet.below(frame, t);
+                self.out_of_interval += u32::from(!is_within);
+            }
         }
     }
 

@@ -278,7 +278,7 @@ impl<const W: usize> Shapes<W> {
         let front = if run.sides == Sides::Back { 0 } else { all & !leaving };
         let back = match (run.sides, run.kind) {
             (Sides::Front, _) => 0,
-            (_, PrimitiveKind::Triangle) => all & !leaving,
+            (_, PrimitiveKind::Triangle | PrimitiveKind::Polygon) => all & !leaving,
             _ => all & !outwards,
         };
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
@@ -302,7 +302,7 @@ impl<const W: usize> Shapes<W> {
                 back,
             )
         } else if run.kind != PrimitiveKind::Triangle {
-            self.doubtful(simd, run, place, shaft, packet)
+            self.doubtful(simd, run, place, shaft, packet, (front, back), &span)
         } else {
             let [a, b, c] = self.triangle_block(run).one(simd, place as usize, shaft.axes);
             let vertices = [packet.shear(a), packet.shear(b), packet.shear(c)];
@@ -318,8 +318,9 @@ impl<const W: usize> Shapes<W> {
         }
     }
 
-    /// The rays that may hit a polygon or a cone: none of them surely.
+    /// Where the rays of a packet may hit a polygon or a cone; surely only where a fan says so.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "lanes, which must not go through memory")]
     fn doubtful<S: Simd>(
         &self,
         simd: S,
@@ -327,6 +328,8 @@ impl<const W: usize> Shapes<W> {
         place: u32,
         shaft: &Shaft<S>,
         packet: &Packet<S, W>,
+        sides: (<S::F32 as Lanes>::Mask, <S::F32 as Lanes>::Mask),
+        span: &SpanLanes<S>,
     ) -> Intervals<S> {
         let (none, high) = (simd.mask_f32(0), simd.splat_f32(f32::INFINITY));
         let (mut possible, mut low) = packet.slabs(simd, shaft.unit).enter(
@@ -341,9 +344,12 @@ impl<const W: usize> Shapes<W> {
                 let met = self.axis_block(run).rays_that_meet(simd, place as usize, rays, shaft.unit);
                 possible = possible & met;
             } else if let Some(fans) = self.fan_block(run) {
-                let (met, nearest) = fans.rays_that_meet(simd, place, shaft, packet);
+                let Intervals { possible: met, sure, low: nearest, high } =
+                    fans.all_intervals(simd, place, shaft, packet, sides);
                 low = low.max(nearest);
-                possible = possible & met & low.le(packet.ends);
+                possible = possible & met & low.le(span.ends) & high.ge(span.start);
+                let sure = sure & low.gt(span.start_above) & high.lt(span.end_below);
+                return Intervals { possible, sure, low, high };
             }
         }
         Intervals { possible, sure: none, low, high }

@@ -151,6 +151,34 @@ fn sides() -> impl Strategy<Value = Sides> {
     prop_oneof![Just(Sides::Both), Just(Sides::Front), Just(Sides::Back)]
 }
 
+/// Polygons that are long along the rays, and spans that begin and end within them.
+#[test]
+fn spans_that_end_where_a_polygon_is_are_kept() {
+    let corners =
+        [dvec3(-2.0, -1.0, 2.0), dvec3(2.0, -1.0, 2.0), dvec3(2.0, 1.0, 9.0), dvec3(-2.0, 1.0, 9.0)];
+    let polygon = Primitive::from(Polygon::new(corners.to_vec()).expect("it is flat"));
+    let primitives = [(polygon.clone(), Sides::Both)];
+    let (mut list, mut left) = (List::default(), List::default());
+    for i in 0..256 {
+        let (x, y) = (f64::from(i % 16) / 80.0 - 0.095, f64::from(i / 16) / 80.0 - 0.095);
+        let ray = Ray::new(DVec3::ZERO, unit(dvec3(x, y, 1.0)).expect("it has a length"));
+        let t = polygon.intersect(&ray, Span::FORWARD, Sides::Both, None).expect("it goes through");
+        let span = match i % 4 {
+            0 => Span { start: 0.0, end: 0.98 * t },
+            1 => Span { start: 1.02 * t, end: f64::INFINITY },
+            2 => Span { start: 0.98 * t, end: 1.02 * t },
+            _ => Span::FORWARD,
+        };
+        list.push(&ray, span, None);
+        // Away from a place on it, into its front.
+        let away = Ray::new(ray.at(t), unit(dvec3(x, 1.0, -y)).expect("it has a length"));
+        left.push(&away, Span::FORWARD, Some((0, Side::Front)));
+    }
+    let together = check(&primitives, &list);
+    assert!(together > 0, "some are answered under shafts");
+    check(&primitives, &left);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
     #[test]

@@ -66,9 +66,10 @@ impl IntersectionStrategy for Bundle<'_> {
         256
     }
 
-    /// Tiles of 16 x 16 pixels, of which a packet of 16 rays is a square of 4 x 4.
+    /// Squares of 32 x 32 pixels, of which a bundle is a quarter and a packet of 16 rays a square of 4 x 4; a sweep, in which
+    /// it is found out what pays, is 32 rows.
     fn preferred_order(&self) -> PixelOrder {
-        PixelOrder::Morton(16)
+        PixelOrder::Morton(32)
     }
 
     fn begin_sweep(&self, recording: Recording) -> Box<dyn Tracer + '_> {

@@ -12,11 +12,14 @@ use super::View;
 /// The greatest depth of the trees; the initial ray has depth 1.
 const DEPTH: u32 = 3;
 
-/// The side of a tile, and the rows of a band: a tile is a bundle, a band is a sweep.
-const TILE: u32 = 16;
+/// The rows of a band, which is a sweep.
+const BAND: u32 = 32;
 
 /// The order of pixels: that of the default strategy.
-const ORDER: PixelOrder = PixelOrder::Morton(TILE);
+const ORDER: PixelOrder = PixelOrder::Morton(BAND);
+
+/// How many pixels a bundle has: a tile of 16 x 16 of them.
+const BUNDLE: u32 = 256;
 
 /// The rays of one kind at one depth; a light ray has the depth of the ray that hit the point it leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -121,8 +124,8 @@ impl RecordedPass {
 }
 
 impl Recording {
-    /// Grows the trees of a view with a strategy and keeps every ray and answer: a bundle is a tile of 16 x 16 pixels in the order of
-    /// a Morton curve, a sweep is a band of tiles. Nothing is cut off but by depth.
+    /// Grows the trees of a view with a strategy and keeps every ray and answer: pixels come along Morton curves, a bundle is a
+    /// tile of 16 x 16 of them, a sweep is a band of 32 rows. Nothing is cut off but by depth.
     #[must_use]
     pub fn of(strategy: &dyn IntersectionStrategy, view: &View) -> Self {
         let scene = strategy.scene();
@@ -132,7 +135,7 @@ impl Recording {
         let mut ray_sets = RaySets::default();
         let mut first = RaySetIndex(0);
         let mut pixels = Vec::new();
-        for top in (0..crop.height).step_by(TILE as usize) {
+        for top in (0..crop.height).step_by(BAND as usize) {
             let mut recorder = Recorder {
                 inner: strategy.begin_sweep(rayset_engine::Recording::Off),
                 sweeps: Pass::ALL.map(|pass| match pass.kind {
@@ -141,14 +144,14 @@ impl Recording {
                 }),
             };
             pixels.clear();
-            ORDER.extend_with_pixels(&mut pixels, crop.width, top..(top + TILE).min(crop.height));
-            for tile in pixels.chunks((TILE * TILE) as usize) {
+            ORDER.extend_with_pixels(&mut pixels, crop.width, top..(top + BAND).min(crop.height));
+            for tile in pixels.chunks(BUNDLE as usize) {
                 let rays = tile.iter().map(|&(x, y)| {
                     let place = |pixel: u32, first: u32| f64::from(first + pixel) + 0.5;
                     scene.camera().ray(place(x, crop.x), place(y, crop.y), view.image, view.image)
                 });
                 ray_sets.grow(scene, &mut recorder, first, rays, &options);
-                first.0 += TILE * TILE;
+                first.0 += BUNDLE;
             }
             for (pass, sweep) in passes.iter_mut().zip(recorder.sweeps) {
                 if !sweep.is_empty() {

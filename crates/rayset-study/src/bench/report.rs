@@ -35,7 +35,7 @@ impl Bench {
              Processor time of the calls alone; \
              medians of {repetitions} runs in which all took turns list by list, after one to warm up; \
              `±` is half the distance of the quartiles, in percent.\n\n\
-             Rays are those of Whitted trees of depth 3, in tiles of 16 x 16 pixels and there along a Morton curve, recorded once; \
+             Rays are those of Whitted trees of depth 3, in tiles of 16 x 16 pixels along Morton curves, recorded once; \
              the number after a kind is the depth. \
              A strategy is skipped where it needs more than {:.0} tests for a ray of a small sample; \
              who takes more than {SLOW} times what the fastest takes to warm up is not asked again, \
