@@ -192,8 +192,8 @@ impl<const W: usize> CullRays<W> {
             let mut slacks = [0.0; W];
             hit_slack.store(&mut slacks);
             let near = self.approach(frame, rays, place, slacks);
-            for k in 0..3 {
-                origin[k] = simd.narrow_f32(&near.origins[k], 0.0, 1.0);
+            for (coordinate, column) in origin.iter_mut().zip(&near.origins) {
+                *coordinate = simd.narrow_f32(column, 0.0, 1.0);
             }
             start = simd.narrow_f32(&near.starts, 0.0, 1.0);
             end = simd.narrow_f32(&near.ends, 0.0, 1.0);
