@@ -7,7 +7,7 @@ use rayset_simd::{LaneMask, Lanes, Simd};
 use crate::frame::{Frame, round_down, round_up};
 use crate::packet::{RayColumns, narrow};
 
-/// How far planes of boxes are moved outwards, in units of the rounding of a coordinate: of [`CullRay::unit`].
+/// How far planes of boxes are moved outwards, in units of the rounding of a coordinate: of a ray in culling space.
 ///
 /// Covers the rounding of single precision in the origin, the direction, its inverse and the distance to a plane.
 /// Derived in `docs/numerics.md`.
