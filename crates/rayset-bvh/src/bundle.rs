@@ -9,9 +9,10 @@ use std::ops::Range;
 use rayset_simd::{Lanes, Simd};
 
 use crate::descent::{Descent, OfPacket, OfTile};
+use crate::each::{AnyHit, NearestHit, OfRay, RayList};
 use crate::exact::Exact;
 use crate::frame::Frame;
-use crate::hierarchy::{AnyHit, Hierarchy, NearestHit, OfRay, RayList, Scratch, Wide, Width};
+use crate::hierarchy::{Hierarchy, Scratch, Wide, Width};
 use crate::packet::{Approach, Packet, RayColumns, level};
 use crate::shaft::Shaft;
 use crate::shapes::Hit;

@@ -1,22 +1,18 @@
 //! The primitives of a hierarchy, in the order of its leaves.
 
-use std::ops::Range;
-
-use rayon::prelude::*;
-use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
     ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
 };
 use rayset_simd::{LaneMask, Lanes, Part, Scalar, Simd};
 
 use crate::axes::AxisBlock;
-use crate::build::Reference;
 use crate::exact::Sure;
-use crate::fans::{FanBlock, fan_len};
-use crate::frame::Frame;
+use crate::fans::FanBlock;
 use crate::interval::{Intervals, LeafRay, SphereBlock, TriangleBlock};
 use crate::ray::CullRay;
 use crate::shaft::BoxBlock;
+
+mod arrange;
 
 /// What is hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -164,194 +160,6 @@ impl Nearest {
 }
 
 impl<const W: usize> Shapes<W> {
-    /// Puts primitives in the order of leaves; returns for each leaf its first run.
-    pub(crate) fn arrange(
-        frame: &Frame,
-        source: &PrimitiveColumns,
-        items: &[(PrimitiveKind, u32, Sides)],
-        references: &[Reference],
-        leaves: &[Range<u32>],
-    ) -> (Self, Vec<u32>) {
-        let first = items.first();
-        if let Some(&(kind @ (PrimitiveKind::Sphere | PrimitiveKind::Triangle), _, sides)) = first
-            && items.iter().all(|item| (item.0, item.2) == (kind, sides))
-        {
-            return Self::arrange_alike(frame, source, items, references, leaves);
-        }
-        // What is in no leaf has a place that is nobody's.
-        let nowhere = (PrimitiveKind::Sphere, u32::MAX);
-        let mut shapes = Self { places: vec![nowhere; items.len()], ..Self::default() };
-        let mut members = Vec::new();
-        let mut leaf_runs = Vec::with_capacity(leaves.len());
-        for leaf in leaves {
-            members.clear();
-            members.extend(leaf.clone().map(|i| references[i as usize].primitive()));
-            // By kind and sides for long runs; by number within, since the least number wins a tie.
-            members.sort_unstable_by_key(|&number| {
-                let (kind, _, sides) = items[number as usize];
-                (kind as u8, sides as u8, number)
-            });
-            leaf_runs.push(index_of(shapes.runs.len()));
-            for run in members.chunk_by(|&a, &b| {
-                let key = |number: u32| (items[number as usize].0, items[number as usize].2);
-                key(a) == key(b)
-            }) {
-                shapes.push_run(frame, source, items, run);
-            }
-            if let Some(last) = shapes.runs.last_mut() {
-                last.goes_on = false;
-            }
-        }
-        shapes.only =
-            items.first().map(|first| first.0).filter(|&kind| items.iter().all(|item| item.0 == kind));
-        shapes.is_flat = shapes.columns.is_flat() || !shapes.triangles.is_empty();
-        (shapes, leaf_runs)
-    }
-
-    /// The same for spheres alone, or triangles, all visible from the same sides: a leaf is a run and a block, and the
-    /// primitives stand as the references do, so that each can be put in its place by any thread.
-    fn arrange_alike(
-        frame: &Frame,
-        source: &PrimitiveColumns,
-        items: &[(PrimitiveKind, u32, Sides)],
-        references: &[Reference],
-        leaves: &[Range<u32>],
-    ) -> (Self, Vec<u32>) {
-        let (kind, _, sides) = items[0];
-        let index = |reference: &Reference| items[reference.primitive() as usize].1;
-        let mut shapes = Self { only: Some(kind), ..Self::default() };
-        let run = |(block, leaf): (usize, &Range<u32>)| Run {
-            kind,
-            sides,
-            goes_on: false,
-            len: u16::try_from(leaf.len()).expect("a leaf is small"),
-            first: leaf.start,
-            block: index_of(block),
-            boxes: NO_BLOCK,
-        };
-        shapes.runs = leaves.par_iter().enumerate().with_min_len(1024).map(run).collect();
-        let members = |leaf: &Range<u32>| &references[leaf.start as usize..leaf.end as usize];
-        if kind == PrimitiveKind::Sphere {
-            let block = |leaf| {
-                let mut block = SphereBlock::EMPTY;
-                for (lane, reference) in members(leaf).iter().enumerate() {
-                    let sphere = source.sphere(index(reference));
-                    block.set(lane, frame.point(sphere.center()).to_array(), sphere.radius() * frame.scale);
-                }
-                block
-            };
-            shapes.sphere_blocks = leaves.par_iter().with_min_len(64).map(block).collect();
-            let sphere = |reference| source.sphere(index(reference));
-            shapes.spheres = references.par_iter().with_min_len(1024).map(sphere).collect();
-        } else {
-            shapes.is_flat = true;
-            let triangle = |reference| source.triangle(index(reference));
-            shapes.triangles = references.par_iter().with_min_len(1024).map(triangle).collect();
-            let triangles = &shapes.triangles;
-            let block = |leaf: &Range<u32>| {
-                let mut block = TriangleBlock::EMPTY;
-                for (lane, i) in leaf.clone().enumerate() {
-                    let place = |vertex: &DVec3| frame.point(*vertex).to_array();
-                    let [a, b, c] = triangles[i as usize].vertices();
-                    block.set(lane, [place(a), place(b), place(c)]);
-                }
-                block
-            };
-            shapes.triangle_blocks = leaves.par_iter().with_min_len(64).map(block).collect();
-        }
-        let numbers = references.par_iter().with_min_len(1024).map(Reference::primitive).collect();
-        // What is in no leaf has a place that is nobody's.
-        shapes.places = vec![(kind, u32::MAX); items.len()];
-        for (place, reference) in references.iter().enumerate() {
-            shapes.places[reference.primitive() as usize].1 = index_of(place);
-        }
-        shapes.numbers[kind as usize] = numbers;
-        (shapes, (0..index_of(leaves.len())).collect())
-    }
-
-    fn push_run(
-        &mut self,
-        frame: &Frame,
-        source: &PrimitiveColumns,
-        items: &[(PrimitiveKind, u32, Sides)],
-        members: &[u32],
-    ) {
-        let (kind, _, sides) = items[members[0] as usize];
-        let first = index_of(self.numbers[kind as usize].len());
-        let block = match kind {
-            PrimitiveKind::Sphere => self.sphere_blocks.len(),
-            PrimitiveKind::Triangle => self.triangle_blocks.len(),
-            PrimitiveKind::Polygon => self.fan_blocks.len(),
-            PrimitiveKind::Cone => self.axis_blocks.len(),
-        };
-        let has_block = match kind {
-            PrimitiveKind::Sphere | PrimitiveKind::Triangle | PrimitiveKind::Cone => true,
-            PrimitiveKind::Polygon => self.push_fans(frame, source, items, members),
-        };
-        let len = u16::try_from(members.len()).expect("a leaf is small");
-        let block_index = if has_block { index_of(block) } else { NO_BLOCK };
-        let boxes = index_of(self.box_blocks.len());
-        self.runs.push(Run { kind, sides, goes_on: true, len, first, block: block_index, boxes });
-        if matches!(kind, PrimitiveKind::Polygon | PrimitiveKind::Cone) {
-            self.box_blocks.push(BoxBlock::EMPTY);
-        }
-        match kind {
-            PrimitiveKind::Sphere => self.sphere_blocks.push(SphereBlock::EMPTY),
-            PrimitiveKind::Triangle => self.triangle_blocks.push(TriangleBlock::EMPTY),
-            PrimitiveKind::Cone => self.axis_blocks.push(AxisBlock::EMPTY),
-            PrimitiveKind::Polygon => {}
-        }
-        for (lane, &number) in members.iter().enumerate() {
-            let (_, index, _) = items[number as usize];
-            match kind {
-                PrimitiveKind::Sphere => {
-                    let sphere = source.sphere(index);
-                    let center = frame.point(sphere.center()).to_array();
-                    self.sphere_blocks[block].set(lane, center, sphere.radius() * frame.scale);
-                    self.spheres.push(sphere);
-                }
-                PrimitiveKind::Triangle => {
-                    let triangle = source.triangle(index);
-                    let place = |vertex: &DVec3| frame.point(*vertex).to_array();
-                    let [a, b, c] = triangle.vertices();
-                    self.triangle_blocks[block].set(lane, [place(a), place(b), place(c)]);
-                    self.triangles.push(triangle);
-                }
-                PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if kind == PrimitiveKind::Cone {
-                        self.axis_blocks[block].set(lane, source.cone_axis(index), frame);
-                    }
-                    let bounds = frame.cull_box(&source.bounding_box(kind, index));
-                    self.box_blocks[boxes as usize].set(lane, &bounds);
-                    self.columns.push_from(source, kind, index, sides);
-                }
-            }
-            self.places[number as usize] = (kind, first + index_of(lane));
-            self.numbers[kind as usize].push(number);
-        }
-    }
-
-    /// Puts polygons into a block, if all have a fan.
-    fn push_fans(
-        &mut self,
-        frame: &Frame,
-        source: &PrimitiveColumns,
-        items: &[(PrimitiveKind, u32, Sides)],
-        members: &[u32],
-    ) -> bool {
-        let mut block = FanBlock::EMPTY;
-        let mut lane = 0;
-        for (place, &number) in members.iter().enumerate() {
-            let vertices = source.polygon_vertices(items[number as usize].1);
-            if fan_len(vertices.len(), W - lane).is_none() {
-                return false;
-            }
-            lane = block.set(lane, place, &vertices, frame);
-        }
-        self.fan_blocks.push(block);
-        true
-    }
-
     /// Whether there is nothing but spheres, or nothing but triangles.
     #[inline(always)]
     pub(crate) fn is_only(&self, kind: PrimitiveKind) -> bool {
@@ -796,8 +604,4 @@ impl Run {
         let index = self.first + place;
         ColumnRun { kind: self.kind, sides: self.sides, range: index..index + 1 }
     }
-}
-
-fn index_of(len: usize) -> u32 {
-    u32::try_from(len).expect("fewer than 2^32 primitives")
 }
