@@ -1,8 +1,8 @@
 //! Lists of rays: tiles of packets as long as they stay together, then packets, then one by one.
 //!
-//! Which it is, counters decide and never a clock: a shaft that takes more steps than a share of what its rays would
-//! take alone is given up, and the next few are not even tried, the more of them the more often that happens. What was
-//! found until then stays, since every hit is an upper bound.
+//! Which it is, counters decide and never a clock: a shaft is given up once it has taken more steps than those who entered
+//! the boxes on its way would have taken without it, and the next few are not even tried, the more of them the more often
+//! that happens. What was found until then stays, since every hit is an upper bound.
 
 use std::ops::Range;
 
@@ -18,17 +18,12 @@ use crate::shaft::Shaft;
 use crate::shapes::Hit;
 use crate::together::{Hidden, Nearest, Question};
 
-/// A shaft may take as many steps as its rays would take otherwise, where shafts have paid of late; where they have not,
-/// one in so many: they must pay well to be given time.
-const FIRST_SHARE: u64 = 2;
-/// How often a packet may take what its rays would take alone: what is given up late has cost that too.
-const PATIENCE: u64 = 2;
 /// What it costs to make a packet, in steps.
 const PACKET_STEPS: u64 = 2;
 /// Fewer rays than this are traced one by one.
 const LEAST_PACKET: usize = 4;
 /// After how many shafts at most one is tried again.
-const LONGEST_WAIT: usize = 64;
+const LONGEST_WAIT: usize = 32;
 /// What is taken for the steps of a ray before any was traced alone.
 const FIRST_STEPS: u64 = 8;
 
@@ -50,8 +45,6 @@ struct Class {
     packets: Trial,
     /// Steps and number of the rays traced alone.
     alone: (u64, u64),
-    /// The same of those that packets were tried for, with what was given up.
-    packed: (u64, u64),
 }
 
 /// Whether a kind of shaft is worth trying.
@@ -89,9 +82,9 @@ impl Trial {
         self.wait == 0
     }
 
-    /// How many steps the next may take, whose rays would take some otherwise.
-    fn budget(&self, otherwise: u64) -> u64 {
-        if self.saved > self.spent { otherwise } else { otherwise / FIRST_SHARE }
+    /// Whether it has saved of late what it has spent.
+    fn pays(&self) -> bool {
+        self.saved >= self.spent
     }
 
     /// Takes in what a shaft took, and what its rays would have taken otherwise if it has answered them.
@@ -99,8 +92,10 @@ impl Trial {
         // What is long ago counts less and less.
         self.spent = self.spent / 8 * 7 + spent;
         self.saved = self.saved / 8 * 7 + saved;
-        if self.saved >= self.spent {
+        if self.pays() {
             (self.wait, self.next_wait) = (1, 1);
+        } else if saved >= spent {
+            (self.wait, self.next_wait) = (1, (self.next_wait / 2).max(1));
         } else {
             self.wait = self.next_wait;
             self.next_wait = (2 * self.next_wait).min(LONGEST_WAIT);
@@ -118,18 +113,10 @@ impl Class {
         (rays as u64 * steps / alone).max(1)
     }
 
-    /// How many steps some rays would take without a shaft round all of them: in packets or alone.
-    fn steps_apart(&self, rays: usize) -> u64 {
-        let (steps, packed) = self.packed;
-        let alone = self.steps(rays);
-        (rays as u64 * steps).checked_div(packed).map_or(alone, |apart| apart.clamp(1, alone))
-    }
-
     /// Whether to try a shaft round a whole tile.
     fn wants_tile(&mut self) -> bool {
-        // After a first success packets are tried once, to know what they would take.
-        let is_known = self.packed.1 > 0 || self.tiles.saved == 0;
-        self.tiles.is_due() && is_known
+        // Where packets do not pay, tiles of them do not.
+        self.packets.pays() && self.tiles.is_due()
     }
 }
 
@@ -140,8 +127,7 @@ impl Hierarchy {
         BundleScratch {
             single: self.scratch(),
             bundled: Bundled::default(),
-            classes: [Class { tiles: Trial::NEW, packets: Trial::NEW, alone: (0, 0), packed: (0, 0) };
-                N_CLASSES],
+            classes: [Class { tiles: Trial::NEW, packets: Trial::NEW, alone: (0, 0) }; N_CLASSES],
         }
     }
 
@@ -328,20 +314,14 @@ impl<const W: usize> Wide<W> {
         let mut first = range.start;
         while first < range.end {
             let len = (range.end - first).min(W * W);
-            let is_answered = suits && len >= LEAST_PACKET && {
-                let known = &mut scratch.classes[class];
-                let try_tile = len > W && known.wants_tile();
-                let packets = &mut known.packets;
-                let try_packets = packets.wait <= len.div_ceil(W);
-                if try_tile || try_packets {
-                    self.tile(simd, frame, rays, first, len, class, try_tile, &mut list, scratch);
-                    true
-                } else {
-                    packets.wait -= len.div_ceil(W);
-                    false
-                }
-            };
-            if !is_answered {
+            let known = &mut scratch.classes[class];
+            let packets = len.div_ceil(W);
+            if suits && len > W && known.wants_tile() {
+                self.tile(simd, frame, rays, first, len, class, &mut list, scratch);
+            } else if suits && len >= LEAST_PACKET && known.packets.wait <= packets {
+                self.packets(simd, frame, rays, first, len, class, &mut list, scratch);
+            } else {
+                known.packets.wait = known.packets.wait.saturating_sub(packets).max(1);
                 self.alone::<S, L, false>(simd, frame, rays, first..first + len, class, &mut list, scratch);
             }
             first += len;
@@ -384,7 +364,6 @@ impl<const W: usize> Wide<W> {
         first: usize,
         len: usize,
         class: usize,
-        try_tile: bool,
         list: &mut L,
         scratch: &mut BundleScratch,
     ) {
@@ -396,26 +375,26 @@ impl<const W: usize> Wide<W> {
             packets.push(Packet::<S, W>::new(simd, frame, rays, first, len, &approach));
         }
         let Some(unit) = level(simd, frame, &mut packets, &approach) else {
+            scratch.classes[class].tiles.end(PACKET_STEPS * n as u64, 0);
             self.alone::<S, L, false>(simd, frame, rays, first..first + len, class, list, scratch);
             return;
         };
         let mut asked = [L::Asked::<S, W>::new(simd); W];
         let exact = Exact { shapes: &self.shapes, frame, rays };
-        let mut is_done = false;
-        if try_tile {
-            let apart = scratch.classes[class].steps_apart(len);
-            let mut spent = PACKET_STEPS * n as u64;
-            if let Some(shaft) = Shaft::around(simd, &mut packets, unit) {
-                let budget = scratch.classes[class].tiles.budget(apart);
-                let (packets, asked, scratch) = (&mut packets[..], &mut asked[..], &mut scratch.single);
-                let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
-                let descent = Descent { shaft, packets, asked, tree, exact, budget, scratch };
-                let steps;
-                (is_done, steps) = simd.outline(OfTile(descent));
-                spent += steps;
-            }
-            scratch.classes[class].tiles.end(spent, if is_done { apart } else { 0 });
+        // Packets have to be made without a tile too.
+        let making = PACKET_STEPS * n as u64;
+        let (mut is_done, mut spent, mut worth) = (false, making, making);
+        if let Some(shaft) = Shaft::around(simd, &mut packets, unit) {
+            let most = scratch.classes[class].steps(len);
+            let (packets, asked, scratch) = (&mut packets[..], &mut asked[..], &mut scratch.single);
+            let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
+            let descent = Descent { shaft, packets, asked, tree, exact, most, scratch };
+            let outcome = simd.outline(OfTile(descent));
+            is_done = outcome.is_done;
+            spent += outcome.spent;
+            worth += outcome.worth;
         }
+        scratch.classes[class].tiles.end(spent, if is_done { worth } else { 0 });
         if is_done {
             scratch.bundled.tiles += len as u64;
             for (packet, asked) in packets.iter().zip(asked) {
@@ -423,35 +402,86 @@ impl<const W: usize> Wide<W> {
             }
             return;
         }
-        for (packet, asked) in packets.iter_mut().zip(&mut asked) {
-            let (mut is_done, mut spent) = (false, PACKET_STEPS);
-            let alone = scratch.classes[class].steps(packet.len);
-            let is_tried = packet.len >= LEAST_PACKET && scratch.classes[class].packets.is_due();
-            if is_tried {
-                let packets = std::slice::from_mut(&mut *packet);
-                if let Some(shaft) = Shaft::around(simd, packets, unit) {
-                    let budget = scratch.classes[class].packets.budget(PATIENCE * alone);
-                    let (asked, scratch) = (std::slice::from_mut(&mut *asked), &mut scratch.single);
-                    let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
-                    let descent = Descent { shaft, packets, asked, tree, exact, budget, scratch };
-                    let steps;
-                    (is_done, steps) = simd.outline(OfPacket(descent));
-                    spent += steps;
-                }
-                scratch.classes[class].packets.end(spent, if is_done { alone } else { 0 });
+        for (packet, asked) in packets.iter_mut().zip(asked) {
+            let is_due = packet.len >= LEAST_PACKET && scratch.classes[class].packets.is_due();
+            self.packet(simd, &exact, packet, asked, (unit, is_due), class, list, scratch);
+        }
+    }
+
+    /// Up to `W` packets: those that are due each under its own shaft, all else ray by ray.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "as above")]
+    fn packets<S: Simd, L: List>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        first: usize,
+        len: usize,
+        class: usize,
+        list: &mut L,
+        scratch: &mut BundleScratch,
+    ) {
+        let exact = Exact { shapes: &self.shapes, frame, rays };
+        let end = first + len;
+        // Rays before this are answered.
+        let mut next = first;
+        for first in (first..end).step_by(W) {
+            let len = (end - first).min(W);
+            if !(len >= LEAST_PACKET && scratch.classes[class].packets.is_due()) {
+                continue;
             }
-            list.answer(simd, &exact, packet, *asked);
-            if is_done {
-                scratch.bundled.packets += packet.len as u64;
-            } else {
-                let range = packet.first..packet.first + packet.len;
-                self.alone::<S, L, true>(simd, frame, rays, range, class, list, scratch);
+            let approach = Approach::of(frame, rays, first..first + len);
+            let mut packet = [Packet::<S, W>::new(simd, frame, rays, first, len, &approach)];
+            let Some(unit) = level(simd, frame, &mut packet, &approach) else {
+                scratch.classes[class].packets.end(PACKET_STEPS, 0);
+                continue;
+            };
+            if next < first {
+                self.alone::<S, L, false>(simd, frame, rays, next..first, class, list, scratch);
             }
-            if is_tried {
-                let (steps, rays) = &mut scratch.classes[class].packed;
-                *steps += spent + if is_done { 0 } else { alone };
-                *rays += packet.len as u64;
+            let asked = L::Asked::<S, W>::new(simd);
+            self.packet(simd, &exact, &mut packet[0], asked, (unit, true), class, list, scratch);
+            next = first + len;
+        }
+        if next < end {
+            self.alone::<S, L, false>(simd, frame, rays, next..end, class, list, scratch);
+        }
+    }
+
+    /// One packet, under its shaft if it is due, and ray by ray if that did not answer it.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "as above")]
+    fn packet<S: Simd, L: List>(
+        &self,
+        simd: S,
+        exact: &Exact<'_, W>,
+        packet: &mut Packet<S, W>,
+        mut asked: L::Asked<S, W>,
+        (unit, is_due): (f32, bool),
+        class: usize,
+        list: &mut L,
+        scratch: &mut BundleScratch,
+    ) {
+        let (mut is_done, mut spent, mut worth) = (false, PACKET_STEPS, 0);
+        if is_due {
+            let packets = std::slice::from_mut(&mut *packet);
+            if let Some(shaft) = Shaft::around(simd, packets, unit) {
+                let (asked, scratch) = (std::slice::from_mut(&mut asked), &mut scratch.single);
+                let (shaft, tree) = (&shaft, &self.tree);
+                let descent = Descent { shaft, packets, asked, tree, exact, most: u64::MAX, scratch };
+                let outcome = simd.outline(OfPacket(descent));
+                (is_done, worth) = (outcome.is_done, outcome.worth);
+                spent += outcome.spent;
             }
+            scratch.classes[class].packets.end(spent, if is_done { worth } else { 0 });
+        }
+        list.answer(simd, exact, packet, asked);
+        if is_done {
+            scratch.bundled.packets += packet.len as u64;
+        } else {
+            let range = packet.first..packet.first + packet.len;
+            self.alone::<S, L, true>(simd, exact.frame, exact.rays, range, class, list, scratch);
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Packets through a tree.
 //!
-//! Under the shaft of a tile a node's boxes are tested in one go, and nothing else is known of them. A packet by itself
-//! does that too, and before a box is opened its rays are tested against it, all at once: what a wide shaft lets through
-//! is given up where no ray of the packet goes.
+//! Under a shaft a node's boxes are tested in one go. Before one is opened it is tested once more: against all rays of a
+//! packet that is by itself, or against the shafts of all packets of a tile. What a wide shaft lets through ends where
+//! none of them goes; and where few do, the shaft is not worth its steps and is given up.
 //!
 //! Source: Wald, Benthin, Wagner and Slusallek 2001, "Interactive rendering with coherent ray tracing", for the test of a
 //! packet's rays; Reshetov, Soupikov and Hurley 2005 for the shaft before it.
@@ -16,18 +16,23 @@ use crate::packet::Packet;
 use crate::shaft::Shaft;
 use crate::together::{Progress, Question};
 
-/// What it costs to test a primitive against the rays of a packet, in steps.
-const PACKET_TEST_STEPS: u64 = 2;
+/// A packet goes on as long as it has taken no more than so many halves of the steps of its rays by themselves: a step of
+/// a packet takes less time than one of a ray, which guesses its way.
+const PACKET_HALVES: u64 = 3;
+/// And a tile, of the steps of its packets by themselves.
+const TILE_HALVES: u64 = 1;
 
-/// Takes packets through the tree under one shaft; whether they came to an end, and the steps spent.
+/// Takes packets through the tree under one shaft, until they come to an end or turn out not to be worth it.
+///
+/// What it is worth is counted on the way: whatever enters a box, rays or packets, would have gone there by itself.
 pub(crate) struct Descent<'a, S: Simd, Q, const W: usize> {
     pub(crate) shaft: &'a Shaft<S>,
     pub(crate) packets: &'a mut [Packet<S, W>],
     pub(crate) asked: &'a mut [Q],
     pub(crate) tree: &'a Tree<W>,
     pub(crate) exact: &'a Exact<'a, W>,
-    /// How many steps it may take.
-    pub(crate) budget: u64,
+    /// How many steps it may take, whatever they are worth.
+    pub(crate) most: u64,
     pub(crate) scratch: &'a mut Scratch,
 }
 
@@ -36,6 +41,17 @@ pub(crate) struct OfTile<'a, S: Simd, Q, const W: usize>(pub(crate) Descent<'a, 
 
 /// A descent of one packet.
 pub(crate) struct OfPacket<'a, S: Simd, Q, const W: usize>(pub(crate) Descent<'a, S, Q, W>);
+
+/// How a descent ended.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Outcome {
+    /// Whether it came to an end, or was given up.
+    pub(crate) is_done: bool,
+    /// The steps it took.
+    pub(crate) spent: u64,
+    /// The steps its rays, or its packets, would have taken by themselves, as far as it came.
+    pub(crate) worth: u64,
+}
 
 /// A child that is still to visit.
 #[derive(Clone, Copy, Debug, Default)]
@@ -48,32 +64,34 @@ pub(crate) struct Pending {
 }
 
 impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for OfTile<'_, S, Q, W> {
-    type Output = (bool, u64);
+    type Output = Outcome;
 
     #[inline(always)]
-    fn run(self, simd: S) -> (bool, u64) {
+    fn run(self, simd: S) -> Outcome {
         self.0.run::<false>(simd)
     }
 }
 
 impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for OfPacket<'_, S, Q, W> {
-    type Output = (bool, u64);
+    type Output = Outcome;
 
     #[inline(always)]
-    fn run(self, simd: S) -> (bool, u64) {
+    fn run(self, simd: S) -> Outcome {
         self.0.run::<true>(simd)
     }
 }
 
 impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
     #[inline(always)]
-    fn run<const ALONE: bool>(self, simd: S) -> (bool, u64) {
-        let Self { shaft, packets, asked, tree, exact, budget, scratch } = self;
+    fn run<const ALONE: bool>(self, simd: S) -> Outcome {
+        let Self { shaft, packets, asked, tree, exact, most, scratch } = self;
         let Scratch { stack, steps, primitive_tests } = scratch;
         let stack = stack.together.as_mut_slice();
         let slabs = packets[0].slabs(simd, shaft.unit);
         let mut progress = Progress::new(simd, shaft, packets);
         let (mut height, mut nodes, mut leaves, mut box_tests) = (0, 0, 0, 0);
+        // A packet by itself tests a box before it is opened.
+        let mut worth = if ALONE { packets[0].len } else { 2 * packets.len() } as u64;
         let mut current = tree.root;
         let is_done = loop {
             if current.is_leaf() {
@@ -93,18 +111,27 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
                     continue;
                 }
                 let (node, lane) = (&tree.nodes[node as usize], lane as usize % W);
-                let child = Child(node.children[lane]);
-                if ALONE {
-                    box_tests += 1;
-                    let packet = &packets[0];
-                    if !slabs.enter(simd, node.bounds(lane), packet.start, packet.ends).0.any() {
-                        continue;
-                    }
+                box_tests += 1;
+                let entered = if ALONE {
+                    let Packet { start, ends, .. } = packets[0];
+                    slabs.enter(simd, node.bounds(lane), start, ends).0.bits().count_ones()
+                } else {
+                    2 * shaft.packets_that_meet(simd, node.bounds(lane), &progress.reaches).count_ones()
+                };
+                if entered == 0 {
+                    continue;
                 }
-                break Some(child);
+                worth += u64::from(entered);
+                break Some(Child(node.children[lane]));
             };
             let Some(next) = next else { break true };
-            if nodes + leaves + box_tests + progress.steps(PACKET_TEST_STEPS) > budget {
+            let (steps, tests) = (nodes + leaves + box_tests + progress.shaft_tests, progress.tests());
+            let is_worth_it = if ALONE {
+                2 * (steps + tests) <= PACKET_HALVES * worth
+            } else {
+                2 * steps <= TILE_HALVES * worth
+            };
+            if !is_worth_it || steps + tests > most {
                 break false;
             }
             current = next;
@@ -112,6 +139,11 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
         steps.nodes += nodes + progress.shaft_tests + box_tests;
         steps.leaves += leaves;
         *primitive_tests += progress.ray_tests;
-        (is_done, nodes + leaves + box_tests + progress.steps(PACKET_TEST_STEPS))
+        let spent = nodes + leaves + box_tests + progress.shaft_tests + progress.tests();
+        if !ALONE {
+            // Packets by themselves test their rays against the same primitives.
+            worth = (worth + progress.tests()).min(most);
+        }
+        Outcome { is_done, spent, worth }
     }
 }

@@ -9,6 +9,9 @@ use crate::packet::Packet;
 use crate::shaft::Shaft;
 use crate::shapes::{Hit, Run, Shapes};
 
+/// What it costs to test a primitive against the rays of a packet, in steps.
+const PACKET_TEST_STEPS: u64 = 2;
+
 /// What the rays of a packet ask for, and the answers so far.
 pub(crate) trait Question<S: Simd, const W: usize>: Copy {
     /// Nothing is known yet.
@@ -243,9 +246,9 @@ impl<const W: usize> Progress<W> {
         progress
     }
 
-    /// What the tests took, in steps, of which a test of a packet's rays counts several.
-    pub(crate) fn steps(&self, packet_test: u64) -> u64 {
-        self.shaft_tests + packet_test * self.packet_tests + self.exact_steps
+    /// What the tests of rays against primitives took, in steps.
+    pub(crate) fn tests(&self) -> u64 {
+        PACKET_TEST_STEPS * self.packet_tests + self.exact_steps
     }
 
     #[inline(always)]
