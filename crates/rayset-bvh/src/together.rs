@@ -1,7 +1,7 @@
 //! What packets ask for, and the leaves that answer: one primitive against all rays of a packet.
 
 use rayset_geometry::{PrimitiveKind, Sides};
-use rayset_simd::{LaneMask, Lanes, Simd};
+use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::exact::{Departing, Exact, NONE, PLACE_BITS, Sure, record_of};
 use crate::interval::{self, Intervals, SpanLanes};
@@ -171,7 +171,7 @@ impl<const W: usize> Exact<'_, W> {
                 }
             }
             if is_new {
-                progress.sum_up();
+                progress.sum_up(simd);
             }
             if !run.goes_on {
                 return;
@@ -242,7 +242,7 @@ impl<const W: usize> Progress<W> {
         }
         let mut progress =
             Self { reaches, reach: 0.0, shaft_tests: 0, packet_tests: 0, ray_tests: 0, exact_steps: 0 };
-        progress.sum_up();
+        progress.sum_up(simd);
         progress
     }
 
@@ -252,11 +252,8 @@ impl<const W: usize> Progress<W> {
     }
 
     #[inline(always)]
-    fn sum_up(&mut self) {
-        self.reach = self.reaches[0];
-        for reach in self.reaches {
-            self.reach = self.reach.max(reach);
-        }
+    fn sum_up<S: Simd>(&mut self, simd: S) {
+        self.reach = simd.load_f32(&self.reaches).greatest();
     }
 }
 
