@@ -12,6 +12,9 @@ use crate::ray::{FAR, HIT_MARGIN, LEAST_COMPONENT, SINGLE, SLAB_MARGIN};
 
 /// Where a lane without a ray ends, and one that asks for nothing more.
 const NOWHERE: f32 = -1e30;
+/// How far from the middle of culling space the nearest ray of a packet is brought, if it starts far off: before the
+/// sphere round all there is, and so that others do not end up beyond [`FAR`].
+const BEFORE: f64 = 2.0;
 /// Leaves no primitive.
 const NOBODY: u32 = u32::MAX;
 
@@ -147,8 +150,7 @@ impl Approach {
             nearest = nearest.min(origin.length());
             size = size.max(origin.abs().max_element());
         }
-        // Nothing lies nearer than the distance to a sphere round the unit cube.
-        Self { advance: (nearest - f64::from(FAR)).max(0.0), size }
+        Self { advance: (nearest - BEFORE).max(0.0), size }
     }
 }
 
