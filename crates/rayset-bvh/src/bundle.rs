@@ -485,3 +485,37 @@ impl<const W: usize> Wide<W> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shafts_that_do_not_pay_are_tried_less_and_less() {
+        let mut trial = Trial::NEW;
+        let mut tried = Vec::new();
+        for shaft in 0..200 {
+            if trial.is_due() {
+                tried.push(shaft);
+                trial.end(10, 0);
+            }
+        }
+        assert_eq!(tried, [0, 1, 3, 7, 15, 31, 63, 95, 127, 159, 191]);
+    }
+
+    #[test]
+    fn one_that_pays_is_followed_by_another_whatever_was_lost_before() {
+        let mut trial = Trial::NEW;
+        for _ in 0..8 {
+            trial.end(100, 0);
+        }
+        assert_eq!((trial.wait, trial.next_wait), (32, 32));
+        trial.end(10, 12);
+        assert!(!trial.pays(), "what was lost is not forgotten at once");
+        assert_eq!((trial.wait, trial.next_wait), (1, 16));
+        trial.end(10, 0);
+        assert_eq!((trial.wait, trial.next_wait), (16, 32));
+        trial.end(0, 1000);
+        assert_eq!((trial.wait, trial.next_wait), (1, 1), "all is made up for");
+    }
+}
