@@ -248,14 +248,18 @@ fn rays_of_one_eye_are_answered_together() {
             (Primitive::from(Sphere::new(center, 0.05)), Sides::Both)
         })
         .collect();
-    let mut list = List::default();
-    for y in 0..16 {
-        for x in 0..16 {
-            let direction = unit(dvec3(f64::from(x) * 0.01, f64::from(y) * 0.01, 1.0)).unwrap();
-            list.push(&Ray::new(dvec3(0.0, 0.0, -3.0), direction), Span::FORWARD, None);
+    // Beside the scene, and so far off that rays are moved first.
+    for distance in [3.0, 12.0] {
+        let mut list = List::default();
+        for y in 0..16 {
+            for x in 0..16 {
+                let direction =
+                    unit(dvec3(f64::from(x) * 0.01, f64::from(y) * 0.01, 0.3 * distance)).unwrap();
+                list.push(&Ray::new(dvec3(0.0, 0.0, -distance), direction), Span::FORWARD, None);
+            }
         }
+        let rays = 2 * 256 * Backend::available().len() as u64;
+        let together = check(&spheres, &list);
+        assert!(10 * together > 9 * rays, "{together} of {rays} from {distance}");
     }
-    let rays = 2 * 256 * Backend::available().len() as u64;
-    let together = check(&spheres, &list);
-    assert!(10 * together > 9 * rays, "{together} of {rays}");
 }
