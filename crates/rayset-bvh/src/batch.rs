@@ -1,9 +1,9 @@
 //! Lists of rays, and hierarchies over slices of one shape.
 
 use rayset_geometry::{Primitive, PrimitiveColumns, Ray, Side, Sides, Span, Sphere, Triangle};
-use rayset_simd::{Backend, Kernel, Simd};
+use rayset_simd::Backend;
 
-use crate::{Hierarchy, Hit, RayColumns, RayList};
+use crate::{Hierarchy, Hit, RayColumns};
 
 /// What is asked about a ray of a list.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,7 +67,12 @@ impl Hierarchy {
     ///
     /// If a ray leaves a primitive that does not exist.
     pub fn nearest_batch(&self, queries: &[Query], answers: &mut Vec<Option<Hit>>) {
-        self.backend().run(NearestBatch { hierarchy: self, queries, answers });
+        let first = answers.len();
+        answers.resize(first + queries.len(), None);
+        let (mut columns, mut scratch) = (Box::new(Columns::NONE), self.scratch());
+        for (queries, hits) in queries.chunks(CHUNK).zip(answers[first..].chunks_mut(CHUNK)) {
+            self.nearest_each(&columns.fill(queries), hits, &mut scratch);
+        }
     }
 
     /// Appends for every ray, in order, whether it hits anything.
@@ -76,7 +81,12 @@ impl Hierarchy {
     ///
     /// If a ray leaves a primitive that does not exist.
     pub fn occluded_batch(&self, queries: &[Query], answers: &mut Vec<bool>) {
-        self.backend().run(OccludedBatch { hierarchy: self, queries, answers });
+        let first = answers.len();
+        answers.resize(first + queries.len(), false);
+        let (mut columns, mut scratch) = (Box::new(Columns::NONE), self.scratch());
+        for (queries, occluded) in queries.chunks(CHUNK).zip(answers[first..].chunks_mut(CHUNK)) {
+            self.occluded_each(&columns.fill(queries), occluded, &mut scratch);
+        }
     }
 }
 
@@ -92,92 +102,32 @@ fn of(primitives: impl Iterator<Item = Primitive>) -> Hierarchy {
     Hierarchy::over(&columns, &items, Backend::active())
 }
 
-struct NearestBatch<'a> {
-    hierarchy: &'a Hierarchy,
-    queries: &'a [Query],
-    answers: &'a mut Vec<Option<Hit>>,
-}
-
-impl Kernel for NearestBatch<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self { hierarchy, queries, answers } = self;
-        answers.reserve(queries.len());
-        let mut scratch = hierarchy.scratch();
-        let mut columns = Box::new(Columns::NONE);
-        for queries in queries.chunks(CHUNK) {
-            let rays = columns.fill(queries);
-            hierarchy.nearest_each(simd, &mut List { rays, queries, answers }, &mut scratch);
-        }
-    }
-}
-
-struct OccludedBatch<'a> {
-    hierarchy: &'a Hierarchy,
-    queries: &'a [Query],
-    answers: &'a mut Vec<bool>,
-}
-
-impl Kernel for OccludedBatch<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self { hierarchy, queries, answers } = self;
-        answers.reserve(queries.len());
-        let mut scratch = hierarchy.scratch();
-        let mut columns = Box::new(Columns::NONE);
-        for queries in queries.chunks(CHUNK) {
-            let rays = columns.fill(queries);
-            hierarchy.occluded_each(simd, &mut List { rays, queries, answers }, &mut scratch);
-        }
-    }
-}
-
 /// How many queries are put into columns at a time.
 const CHUNK: usize = 64;
 
-/// Queries as columns: origins, directions, starts and ends of spans.
-pub(crate) struct Columns([[f64; CHUNK]; 8]);
+/// Queries as columns: origins, directions, starts and ends of spans, and what each ray leaves.
+pub(crate) struct Columns([[f64; CHUNK]; 8], [Option<(u32, Side)>; CHUNK]);
 
 impl Columns {
-    pub(crate) const NONE: Self = Self([[0.0; CHUNK]; 8]);
+    pub(crate) const NONE: Self = Self([[0.0; CHUNK]; 8], [None; CHUNK]);
 
     /// Takes queries in, as many as there is room for.
     #[inline(always)]
     pub(crate) fn fill(&mut self, queries: &[Query]) -> RayColumns<'_> {
+        let Self(columns, left) = self;
         for (i, query) in queries.iter().enumerate() {
             let (origin, direction) = (query.ray.origin(), query.ray.direction());
             for k in 0..3 {
-                self.0[k][i] = origin[k];
-                self.0[3 + k][i] = direction[k];
+                columns[k][i] = origin[k];
+                columns[3 + k][i] = direction[k];
             }
-            self.0[6][i] = query.span.start;
-            self.0[7][i] = query.span.end;
+            columns[6][i] = query.span.start;
+            columns[7][i] = query.span.end;
+            left[i] = query.from;
         }
-        let [ox, oy, oz, dx, dy, dz, starts, ends] = self.0.each_ref().map(|column| &column[..queries.len()]);
-        RayColumns { origins: [ox, oy, oz], directions: [dx, dy, dz], spans: (starts, ends), left: &[] }
-    }
-}
-
-/// Queries and their answers.
-struct List<'a, A> {
-    rays: RayColumns<'a>,
-    queries: &'a [Query],
-    answers: &'a mut Vec<A>,
-}
-
-impl<'r, A> RayList<'r, A> for List<'r, A> {
-    #[inline(always)]
-    fn columns(&self) -> RayColumns<'r> {
-        self.rays
-    }
-    #[inline(always)]
-    fn left(&self, i: usize) -> Option<(u32, Side)> {
-        self.queries[i].from
-    }
-    #[inline(always)]
-    fn answer(&mut self, answer: A) {
-        self.answers.push(answer);
+        let [ox, oy, oz, dx, dy, dz, starts, ends] =
+            columns.each_ref().map(|column| &column[..queries.len()]);
+        let left = &left[..queries.len()];
+        RayColumns { origins: [ox, oy, oz], directions: [dx, dy, dz], spans: (starts, ends), left }
     }
 }

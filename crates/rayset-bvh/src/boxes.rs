@@ -1,7 +1,7 @@
 //! A hierarchy over boxes whose contents the caller tests.
 
 use rayset_geometry::{BoundingBox, Ray, Span};
-use rayset_simd::{Backend, Kernel, Lanes, Simd};
+use rayset_simd::{Backend, ByLanes, Kernel, Simd};
 
 use crate::batch::Columns;
 use crate::build::{Reference, build};
@@ -319,16 +319,25 @@ struct Batch<'a, Q> {
 impl<Q: Search> Kernel for Batch<'_, Q> {
     type Output = ();
     #[inline(always)]
-    fn run<S: Simd>(mut self, simd: S) {
-        let BoxHierarchy { frame, width, .. } = self.hierarchy;
-        match width {
-            Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.run(simd, frame, self.queries, &mut self.search);
-            }
-            Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.run(simd, frame, self.queries, &mut self.search);
-            }
-            _ => panic!("a hierarchy runs on the lanes it was built for"),
-        }
+    fn run<S: Simd>(self, simd: S) {
+        simd.by_lanes(self);
+    }
+}
+
+impl<S: Simd, Q: Search> ByLanes<S> for Batch<'_, Q> {
+    type Output = ();
+    #[inline(always)]
+    fn eight(mut self, simd: S) {
+        let BoxHierarchy { frame, width: Width::Eight(wide), .. } = self.hierarchy else {
+            unreachable!("a hierarchy runs on the lanes it was built for")
+        };
+        wide.run(simd, frame, self.queries, &mut self.search);
+    }
+    #[inline(always)]
+    fn sixteen(mut self, simd: S) {
+        let BoxHierarchy { frame, width: Width::Sixteen(wide), .. } = self.hierarchy else {
+            unreachable!("a hierarchy runs on the lanes it was built for")
+        };
+        wide.run(simd, frame, self.queries, &mut self.search);
     }
 }

@@ -6,13 +6,13 @@
 
 use std::ops::Range;
 
-use rayset_simd::{Lanes, Simd};
+use rayset_simd::Simd;
 
 use crate::descent::{Descent, OfPacket, OfTile};
-use crate::each::{AnyHit, NearestHit, OfRay, RayList};
+use crate::each::{AnyHit, NearestHit, OfRay, Rays};
 use crate::exact::Exact;
 use crate::frame::Frame;
-use crate::hierarchy::{Hierarchy, Scratch, Wide, Width};
+use crate::hierarchy::{Hierarchy, Scratch, Task, Wide};
 use crate::packet::{Approach, Packet, RayColumns, level};
 use crate::shaft::Shaft;
 use crate::shapes::Hit;
@@ -131,65 +131,59 @@ impl Hierarchy {
         }
     }
 
-    /// The least hits of some rays of a list, in a kernel that runs on the lanes the hierarchy was built for; the answers
-    /// go to the rays' places.
+    /// The least hits of some rays of a list; the answers go to the rays' places.
     ///
     /// Rays that are near each other in the list should be near each other in space. Whether shafts pay is found out for
     /// each `class` of rays by itself; numbers that differ by 64 share one.
     ///
     /// # Panics
     ///
-    /// If the lanes are others, a column is too short, or there is no such primitive.
-    #[inline(always)]
-    pub fn nearest_bundle_on<S: Simd>(
+    /// If a column or `hits` is too short, or there is no such primitive.
+    pub fn nearest_bundle(
         &self,
-        simd: S,
         rays: &RayColumns<'_>,
         range: Range<usize>,
         class: usize,
         hits: &mut [Option<Hit>],
         scratch: &mut BundleScratch,
     ) {
-        self.bundle_on(simd, rays, range, class, NearestHits(hits), scratch);
+        hits[range.clone()].fill(None);
+        self.run(OfBundle { rays, range, class, list: NearestHits(hits), scratch });
     }
 
-    /// Whether some rays of a list hit anything: as [`Hierarchy::nearest_bundle_on`].
+    /// Whether some rays of a list hit anything: as [`Hierarchy::nearest_bundle`].
     ///
     /// # Panics
     ///
-    /// If the lanes are others, a column is too short, or there is no such primitive.
-    #[inline(always)]
-    pub fn occluded_bundle_on<S: Simd>(
+    /// If a column or `occluded` is too short, or there is no such primitive.
+    pub fn occluded_bundle(
         &self,
-        simd: S,
         rays: &RayColumns<'_>,
         range: Range<usize>,
         class: usize,
         occluded: &mut [bool],
         scratch: &mut BundleScratch,
     ) {
-        self.bundle_on(simd, rays, range, class, Occluded(occluded), scratch);
+        occluded[range.clone()].fill(false);
+        self.run(OfBundle { rays, range, class, list: Occluded(occluded), scratch });
     }
+}
+
+struct OfBundle<'a, L> {
+    rays: &'a RayColumns<'a>,
+    range: Range<usize>,
+    class: usize,
+    list: L,
+    scratch: &'a mut BundleScratch,
+}
+
+impl<L: List> Task for OfBundle<'_, L> {
+    type Output = ();
 
     #[inline(always)]
-    fn bundle_on<S: Simd, L: List>(
-        &self,
-        simd: S,
-        rays: &RayColumns<'_>,
-        range: Range<usize>,
-        class: usize,
-        list: L,
-        scratch: &mut BundleScratch,
-    ) {
-        match &self.width {
-            Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.bundle(simd, &self.frame, rays, range, class, list, scratch);
-            }
-            Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.bundle(simd, &self.frame, rays, range, class, list, scratch);
-            }
-            _ => panic!("a hierarchy runs on the lanes it was built for"),
-        }
+    fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) {
+        let Self { rays, range, class, list, scratch } = self;
+        wide.bundle(simd, frame, rays, range, class, list, scratch);
     }
 }
 
@@ -261,38 +255,6 @@ impl List for Occluded<'_> {
     }
 }
 
-/// Rays that are traced one by one; places hold upper bounds if something is known of them.
-struct Alone<'a, A, const KNOWN: bool> {
-    rays: &'a RayColumns<'a>,
-    range: Range<usize>,
-    places: &'a mut [A],
-    /// The place of the next answer.
-    next: usize,
-}
-
-impl<'r, A: Copy, const KNOWN: bool> RayList<'r, A> for Alone<'r, A, KNOWN> {
-    #[inline(always)]
-    fn columns(&self) -> RayColumns<'r> {
-        *self.rays
-    }
-
-    #[inline(always)]
-    fn range(&self) -> Range<usize> {
-        self.range.clone()
-    }
-
-    #[inline(always)]
-    fn known(&self, i: usize) -> Option<A> {
-        KNOWN.then_some(self.places[i])
-    }
-
-    #[inline(always)]
-    fn answer(&mut self, answer: A) {
-        self.places[self.next] = answer;
-        self.next += 1;
-    }
-}
-
 impl<const W: usize> Wide<W> {
     #[inline(always)]
     #[expect(
@@ -343,9 +305,8 @@ impl<const W: usize> Wide<W> {
     ) {
         let n = range.len() as u64;
         let before = scratch.single.steps;
-        let next = range.start;
-        let mut alone = Alone::<_, KNOWN> { rays, range, places: list.places(), next };
-        self.each(simd, frame, L::OfRay::default(), &mut alone, &mut scratch.single);
+        let rays = Rays::<_, KNOWN> { columns: rays, range, places: list.places() };
+        self.each(simd, frame, L::OfRay::default(), rays, &mut scratch.single);
         let after = scratch.single.steps;
         let (steps, alone) = &mut scratch.classes[class].alone;
         *steps += after.nodes + after.leaves - before.nodes - before.leaves;

@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use rayset_geometry::{Departure, PrimitiveKind, Ray, Side, Span};
+use rayset_geometry::{Departure, PrimitiveKind, Ray, Span};
 use rayset_simd::{Part, Simd};
 
 use crate::exact::{Departing, Sure};
@@ -13,31 +13,6 @@ use crate::packet::RayColumns;
 use crate::ray::{CullRay, CullRays};
 use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles};
 
-/// Rays that are traced one by one, and where their answers go.
-///
-/// Mark the methods `#[inline(always)]`: they are called in the innermost loop, once a ray.
-pub trait RayList<'r, A> {
-    /// Columns that hold the rays and the parts of them that count, all equally long.
-    fn columns(&self) -> RayColumns<'r>;
-    /// Which rays of the columns are traced; others are only read.
-    #[inline(always)]
-    fn range(&self) -> Range<usize> {
-        0..self.columns().len()
-    }
-    /// The primitive that a ray of the columns leaves, and into which of its sides.
-    #[inline(always)]
-    fn left(&self, i: usize) -> Option<(u32, Side)> {
-        self.columns().left(i)
-    }
-    /// What is known of a ray already: a hit, than which only nearer ones count, or that it hits something.
-    #[inline(always)]
-    fn known(&self, _i: usize) -> Option<A> {
-        None
-    }
-    /// Takes the answer of the next ray, in order.
-    fn answer(&mut self, answer: A);
-}
-
 /// What is asked about rays.
 pub(crate) trait OfRay: Copy {
     type Answer: Copy;
@@ -45,12 +20,14 @@ pub(crate) trait OfRay: Copy {
     type Found: Copy;
     /// What is found where there is nothing.
     const NOTHING: Self::Found;
+    /// What is known of a ray at first.
+    const UNKNOWN: Self::Answer;
     fn ask<S: Simd, C: Content, const W: usize>(
         self,
         simd: S,
         wide: &Wide<W>,
         traced: &Traced,
-        known: Option<Self::Answer>,
+        known: Self::Answer,
         scratch: &mut Scratch,
     ) -> Self::Found;
     /// The answers to rays, by what was found.
@@ -60,7 +37,7 @@ pub(crate) trait OfRay: Copy {
         wide: &Wide<W>,
         departing: &Departing<'_>,
         found: &[Self::Found; W],
-        answers: impl FnMut(Self::Answer),
+        answers: &mut [Self::Answer],
     );
 }
 
@@ -75,6 +52,7 @@ impl OfRay for NearestHit {
     type Answer = Option<Hit>;
     type Found = Nearest;
     const NOTHING: Nearest = Nearest::NONE;
+    const UNKNOWN: Option<Hit> = None;
 
     #[inline(always)]
     fn ask<S: Simd, C: Content, const W: usize>(
@@ -82,10 +60,10 @@ impl OfRay for NearestHit {
         simd: S,
         wide: &Wide<W>,
         traced: &Traced,
-        known: Option<Self::Answer>,
+        known: Option<Hit>,
         scratch: &mut Scratch,
     ) -> Nearest {
-        wide.nearest_of::<S, C>(simd, traced, known.flatten(), scratch)
+        wide.nearest_of::<S, C>(simd, traced, known, scratch)
     }
 
     #[inline(always)]
@@ -95,7 +73,7 @@ impl OfRay for NearestHit {
         wide: &Wide<W>,
         departing: &Departing<'_>,
         found: &[Nearest; W],
-        mut answers: impl FnMut(Option<Hit>),
+        answers: &mut [Option<Hit>],
     ) {
         let (mut sure, mut lanes, mut hits) = ([Sure::NONE; W], 0, [None; W]);
         let n = departing.left.len();
@@ -110,7 +88,7 @@ impl OfRay for NearestHit {
             }
         }
         wide.shapes.resolve_all(simd, departing, &sure, lanes, &mut hits);
-        hits[..n].iter().copied().for_each(&mut answers);
+        answers.copy_from_slice(&hits[..n]);
     }
 }
 
@@ -118,6 +96,7 @@ impl OfRay for AnyHit {
     type Answer = bool;
     type Found = bool;
     const NOTHING: bool = false;
+    const UNKNOWN: bool = false;
 
     #[inline(always)]
     fn ask<S: Simd, C: Content, const W: usize>(
@@ -125,10 +104,10 @@ impl OfRay for AnyHit {
         simd: S,
         wide: &Wide<W>,
         traced: &Traced,
-        known: Option<Self::Answer>,
+        known: bool,
         scratch: &mut Scratch,
     ) -> bool {
-        known == Some(true) || wide.occluded_of::<S, C>(simd, traced, scratch)
+        known || wide.occluded_of::<S, C>(simd, traced, scratch)
     }
 
     #[inline(always)]
@@ -138,9 +117,9 @@ impl OfRay for AnyHit {
         _: &Wide<W>,
         departing: &Departing<'_>,
         found: &[bool; W],
-        mut answers: impl FnMut(bool),
+        answers: &mut [bool],
     ) {
-        found[..departing.left.len()].iter().copied().for_each(&mut answers);
+        answers.copy_from_slice(&found[..departing.left.len()]);
     }
 }
 
@@ -153,28 +132,34 @@ pub(crate) struct Traced {
     pub(crate) departure: Option<Departure>,
 }
 
+/// Rays of a list that are traced one by one.
+pub(crate) struct Rays<'a, A, const KNOWN: bool> {
+    pub(crate) columns: &'a RayColumns<'a>,
+    /// Which of them; others are only read.
+    pub(crate) range: Range<usize>,
+    /// Where the answer of each ray of the columns goes; what is known of it already stands there, if anything is known.
+    pub(crate) places: &'a mut [A],
+}
+
 /// A loop over rays, for one content: a function of its own, whose registers are not shared with other loops.
-struct Each<'a, C, Q, R, const W: usize> {
+struct Each<'a, C, Q: OfRay, const KNOWN: bool, const W: usize> {
     content: PhantomData<C>,
     wide: &'a Wide<W>,
     frame: &'a Frame,
     question: Q,
-    rays: &'a mut R,
+    rays: Rays<'a, Q::Answer, KNOWN>,
     scratch: &'a mut Scratch,
 }
 
-impl<'r, S: Simd, C: Content, Q: OfRay, R: RayList<'r, Q::Answer>, const W: usize> Part<S>
-    for Each<'_, C, Q, R, W>
-{
+impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> for Each<'_, C, Q, KNOWN, W> {
     type Output = ();
 
     #[inline(always)]
     fn run(self, simd: S) {
-        let Self { wide, frame, question, rays, scratch, .. } = self;
-        let columns = rays.columns();
+        let Self { wide, frame, question, rays: Rays { columns, range, places }, scratch, .. } = self;
         let columns = columns.cut(0..columns.len());
-        let Range { start: mut first, end } = rays.range();
-        assert!(end <= columns.len(), "there are these rays");
+        let Range { start: mut first, end } = range;
+        assert!(end <= columns.len() && end <= places.len(), "there are these rays");
         let mut prepared = CullRays::<W>::NONE;
         let mut left = [None; W];
         let mut found = [Q::NOTHING; W];
@@ -184,13 +169,14 @@ impl<'r, S: Simd, C: Content, Q: OfRay, R: RayList<'r, Q::Answer>, const W: usiz
             for lane in 0..len {
                 let i = first + lane;
                 let (ray, span) = columns.ray(i);
-                left[lane] = rays.left(i);
+                left[lane] = columns.left(i);
                 let departure = wide.shapes.departure(left[lane]);
                 let traced = Traced { cull: prepared.ray(lane), ray, span, departure };
-                found[lane] = question.ask::<S, C, W>(simd, wide, &traced, rays.known(i), scratch);
+                let known = if KNOWN { places[i] } else { Q::UNKNOWN };
+                found[lane] = question.ask::<S, C, W>(simd, wide, &traced, known, scratch);
             }
             let departing = Departing { rays: columns, first, left: &left[..len] };
-            question.answer(simd, wide, &departing, &found, |answer| rays.answer(answer));
+            question.answer(simd, wide, &departing, &found, &mut places[first..first + len]);
             first += len;
         }
     }
@@ -199,12 +185,12 @@ impl<'r, S: Simd, C: Content, Q: OfRay, R: RayList<'r, Q::Answer>, const W: usiz
 impl<const W: usize> Wide<W> {
     /// Answers rays one by one.
     #[inline(always)]
-    pub(crate) fn each<'r, S: Simd, Q: OfRay>(
+    pub(crate) fn each<S: Simd, Q: OfRay, const KNOWN: bool>(
         &self,
         simd: S,
         frame: &Frame,
         question: Q,
-        rays: &mut impl RayList<'r, Q::Answer>,
+        rays: Rays<'_, Q::Answer, KNOWN>,
         scratch: &mut Scratch,
     ) {
         if self.shapes.is_only(PrimitiveKind::Sphere) {

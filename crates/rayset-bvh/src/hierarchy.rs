@@ -5,17 +5,18 @@ use std::marker::PhantomData;
 
 use rayon::prelude::*;
 use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, Ray, Side, Sides, Span};
-use rayset_simd::{Backend, Kernel, Lanes, Simd};
+use rayset_simd::{Backend, ByLanes, Kernel, Simd};
 
 use crate::build::{Reference, build};
 use crate::duplicates::superfluous;
-use crate::each::{AnyHit, NearestHit, RayList, Traced};
+use crate::each::{AnyHit, NearestHit, OfRay, Rays, Traced};
 use crate::fans::fan_len;
 use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::CullRay;
 use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Prepared, Shapes};
 use crate::traverse::{Stack, Steps, Visitor, is_stopped, traverse};
+use crate::{Query, RayColumns};
 
 /// A bounding volume hierarchy over primitives of any shape.
 #[derive(Clone, Debug)]
@@ -91,7 +92,16 @@ impl Hierarchy {
         self.backend
     }
 
-    /// What [`Hierarchy::nearest_on`] and [`Hierarchy::occluded_on`] need to keep between rays.
+    /// How many primitives are culled at a time: 8, or 16 on [`Backend::Avx512`].
+    #[must_use]
+    pub fn lanes(&self) -> usize {
+        match self.width {
+            Width::Eight(_) => 8,
+            Width::Sixteen(_) => 16,
+        }
+    }
+
+    /// What tracing a ray needs, to be kept between rays.
     #[must_use]
     pub fn scratch(&self) -> Scratch {
         let stack = match &self.width {
@@ -104,111 +114,54 @@ impl Hierarchy {
     /// The least hit of a ray in the order `(t, primitive)`; nothing behind the origin, even if the span begins there.
     #[must_use]
     pub fn nearest(&self, ray: &Ray, span: Span) -> Option<Hit> {
-        self.backend.run(NearestOf { hierarchy: self, ray, span, scratch: &mut self.scratch() })
+        self.nearest_with(&Query::new(*ray, span), &mut self.scratch())
     }
 
     /// Whether a ray hits anything.
     #[must_use]
     pub fn occluded(&self, ray: &Ray, span: Span) -> bool {
-        self.backend.run(OccludedOf { hierarchy: self, ray, span, scratch: &mut self.scratch() })
+        self.occluded_with(&Query::new(*ray, span), &mut self.scratch())
     }
 
-    /// The least hit, within a kernel that runs on the lanes the hierarchy was built for; `from` is the primitive that
-    /// the ray leaves, and into which side.
+    /// The least hit, as [`Hierarchy::nearest`]; allocates nothing.
     ///
     /// # Panics
     ///
-    /// If the lanes are others, or there is no such primitive.
-    #[inline(always)]
-    pub fn nearest_on<S: Simd>(
-        &self,
-        simd: S,
-        ray: &Ray,
-        span: Span,
-        from: Option<(u32, Side)>,
-        scratch: &mut Scratch,
-    ) -> Option<Hit> {
-        let span = ahead(span);
-        match &self.width {
-            Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.nearest(simd, &self.frame, ray, span, from, scratch)
-            }
-            Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.nearest(simd, &self.frame, ray, span, from, scratch)
-            }
-            _ => panic!("a hierarchy runs on the lanes it was built for"),
-        }
+    /// If the ray leaves a primitive that does not exist, or the scratch is of a hierarchy that is less deep.
+    pub fn nearest_with(&self, query: &Query, scratch: &mut Scratch) -> Option<Hit> {
+        self.run(NearestOf { query, scratch })
     }
 
-    /// Whether anything is hit, within a kernel that runs on the lanes the hierarchy was built for.
+    /// Whether anything is hit, as [`Hierarchy::occluded`]; allocates nothing.
     ///
     /// # Panics
     ///
-    /// If the lanes are others, or there is no such primitive.
-    #[inline(always)]
-    pub fn occluded_on<S: Simd>(
-        &self,
-        simd: S,
-        ray: &Ray,
-        span: Span,
-        from: Option<(u32, Side)>,
-        scratch: &mut Scratch,
-    ) -> bool {
-        let span = ahead(span);
-        match &self.width {
-            Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.occluded(simd, &self.frame, ray, span, from, scratch)
-            }
-            Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.occluded(simd, &self.frame, ray, span, from, scratch)
-            }
-            _ => panic!("a hierarchy runs on the lanes it was built for"),
-        }
+    /// As [`Hierarchy::nearest_with`] does.
+    pub fn occluded_with(&self, query: &Query, scratch: &mut Scratch) -> bool {
+        self.run(OccludedOf { query, scratch })
     }
 
-    /// Answers rays one by one with their least hits, within a kernel that runs on the lanes the hierarchy was built for:
-    /// as [`Hierarchy::nearest_on`] does, but what kinds of primitives there are is asked once for all of them.
+    /// The least hits of rays, one by one; the answers go to the rays' places.
     ///
     /// # Panics
     ///
-    /// If the lanes are others, or a ray leaves a primitive that does not exist.
-    #[inline(always)]
-    pub fn nearest_each<'r, S: Simd>(
-        &self,
-        simd: S,
-        rays: &mut impl RayList<'r, Option<Hit>>,
-        scratch: &mut Scratch,
-    ) {
-        match &self.width {
-            Width::Eight(wide) if S::F32::LANES == 8 => {
-                wide.each(simd, &self.frame, NearestHit, rays, scratch)
-            }
-            Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.each(simd, &self.frame, NearestHit, rays, scratch)
-            }
-            _ => panic!("a hierarchy runs on the lanes it was built for"),
-        }
+    /// If a column or `hits` is too short, or as [`Hierarchy::nearest_with`] does.
+    pub fn nearest_each(&self, rays: &RayColumns<'_>, hits: &mut [Option<Hit>], scratch: &mut Scratch) {
+        self.run(OfEach { question: NearestHit, rays, places: hits, scratch });
     }
 
-    /// Answers rays one by one whether they hit anything, as [`Hierarchy::nearest_each`].
+    /// Whether rays hit anything, one by one, as [`Hierarchy::nearest_each`].
     ///
     /// # Panics
     ///
-    /// If the lanes are others, or a ray leaves a primitive that does not exist.
-    #[inline(always)]
-    pub fn occluded_each<'r, S: Simd>(
-        &self,
-        simd: S,
-        rays: &mut impl RayList<'r, bool>,
-        scratch: &mut Scratch,
-    ) {
-        match &self.width {
-            Width::Eight(wide) if S::F32::LANES == 8 => wide.each(simd, &self.frame, AnyHit, rays, scratch),
-            Width::Sixteen(wide) if S::F32::LANES == 16 => {
-                wide.each(simd, &self.frame, AnyHit, rays, scratch)
-            }
-            _ => panic!("a hierarchy runs on the lanes it was built for"),
-        }
+    /// As [`Hierarchy::nearest_each`] does.
+    pub fn occluded_each(&self, rays: &RayColumns<'_>, occluded: &mut [bool], scratch: &mut Scratch) {
+        self.run(OfEach { question: AnyHit, rays, places: occluded, scratch });
+    }
+
+    /// Does work on the tree, on the lanes it was built for.
+    pub(crate) fn run<T: Task>(&self, task: T) -> T::Output {
+        self.backend.run(OnLanes { hierarchy: self, task })
     }
 
     /// The longest way from the root to a leaf, in nodes: at most 71, whatever the primitives are.
@@ -454,32 +407,84 @@ impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
     }
 }
 
+/// Work on a tree, which is as wide as the lanes.
+pub(crate) trait Task {
+    type Output;
+    fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) -> Self::Output;
+}
+
+struct OnLanes<'h, T> {
+    hierarchy: &'h Hierarchy,
+    task: T,
+}
+
+impl<T: Task> Kernel for OnLanes<'_, T> {
+    type Output = T::Output;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> T::Output {
+        simd.by_lanes(self)
+    }
+}
+
+impl<S: Simd, T: Task> ByLanes<S> for OnLanes<'_, T> {
+    type Output = T::Output;
+    #[inline(always)]
+    fn eight(self, simd: S) -> T::Output {
+        let Hierarchy { frame, width: Width::Eight(wide), .. } = self.hierarchy else {
+            unreachable!("a hierarchy runs on the lanes it was built for")
+        };
+        self.task.run(simd, frame, wide)
+    }
+    #[inline(always)]
+    fn sixteen(self, simd: S) -> T::Output {
+        let Hierarchy { frame, width: Width::Sixteen(wide), .. } = self.hierarchy else {
+            unreachable!("a hierarchy runs on the lanes it was built for")
+        };
+        self.task.run(simd, frame, wide)
+    }
+}
+
 struct NearestOf<'a> {
-    hierarchy: &'a Hierarchy,
-    ray: &'a Ray,
-    span: Span,
+    query: &'a Query,
     scratch: &'a mut Scratch,
 }
 
-impl Kernel for NearestOf<'_> {
+impl Task for NearestOf<'_> {
     type Output = Option<Hit>;
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Option<Hit> {
-        self.hierarchy.nearest_on(simd, self.ray, self.span, None, self.scratch)
+    fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) -> Option<Hit> {
+        let Query { ray, span, from } = self.query;
+        wide.nearest(simd, frame, ray, ahead(*span), *from, self.scratch)
     }
 }
 
 struct OccludedOf<'a> {
-    hierarchy: &'a Hierarchy,
-    ray: &'a Ray,
-    span: Span,
+    query: &'a Query,
     scratch: &'a mut Scratch,
 }
 
-impl Kernel for OccludedOf<'_> {
+impl Task for OccludedOf<'_> {
     type Output = bool;
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> bool {
-        self.hierarchy.occluded_on(simd, self.ray, self.span, None, self.scratch)
+    fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) -> bool {
+        let Query { ray, span, from } = self.query;
+        wide.occluded(simd, frame, ray, ahead(*span), *from, self.scratch)
+    }
+}
+
+struct OfEach<'a, Q: OfRay> {
+    question: Q,
+    rays: &'a RayColumns<'a>,
+    places: &'a mut [Q::Answer],
+    scratch: &'a mut Scratch,
+}
+
+impl<Q: OfRay> Task for OfEach<'_, Q> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) {
+        let Self { question, rays, places, scratch } = self;
+        let rays = Rays::<_, false> { columns: rays, range: 0..rays.len(), places };
+        wide.each(simd, frame, question, rays, scratch);
     }
 }

@@ -6,9 +6,9 @@ use std::cell::Cell;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rayset_bvh::{BoxHierarchy, Hit, Query};
+use rayset_bvh::{BoxHierarchy, Hit, Query, Shape, ShapeHierarchy};
 use rayset_geometry::glam::{DVec3, dvec3};
-use rayset_geometry::{BoundingBox, Cone, Primitive, Ray, Side, Span, Sphere, Triangle};
+use rayset_geometry::{BoundingBox, Cone, Primitive, Ray, Side, Sides, Span, Sphere, Triangle};
 use rayset_simd::Backend;
 use truth::{Dice, Primitives, bits, nearest};
 
@@ -33,8 +33,22 @@ fn box_of(primitive: &Primitive) -> BoundingBox {
     BoundingBox { min: bounds.min - wider, max: bounds.max + wider }
 }
 
+/// A shape that a library may have.
+#[derive(Clone)]
+struct Own(Primitive, Sides);
+
+impl Shape for Own {
+    fn bounding_box(&self) -> BoundingBox {
+        box_of(&self.0)
+    }
+
+    fn intersect(&self, ray: &Ray, span: Span, departure: Option<Side>) -> Option<f64> {
+        self.0.intersect(ray, span, self.1, departure)
+    }
+}
+
 #[test]
-fn closures_answer_like_a_loop_on_every_backend() {
+fn closures_and_shapes_answer_like_a_loop_on_every_backend() {
     for seed in 0..20 {
         let mut dice = Dice(ChaCha8Rng::seed_from_u64(seed));
         let count = dice.pick(&[0, 1, 2, 17, 200]);
@@ -63,16 +77,27 @@ fn closures_answer_like_a_loop_on_every_backend() {
             let (mut hits, mut occluded) = (Vec::new(), Vec::new());
             hierarchy.nearest_batch(&queries, intersect, &mut hits);
             hierarchy.occluded_batch(&queries, intersect, &mut occluded);
+            let own = primitives.iter().map(|(shape, sides)| Own(shape.clone(), *sides));
+            let owning = ShapeHierarchy::on(own.clone(), backend);
+            let dynamic = ShapeHierarchy::on(own.map(|shape| Box::new(shape) as Box<dyn Shape>), backend);
+            let (mut own_hits, mut own_occluded) = (Vec::new(), Vec::new());
+            owning.nearest_batch(&queries, &mut own_hits);
+            dynamic.occluded_batch(&queries, &mut own_occluded);
+            assert_eq!(owning.shapes().len(), count);
             for (i, query) in queries.iter().enumerate() {
                 let expected = nearest(&primitives, query);
                 assert_eq!(bits(hits[i]), bits(expected), "{seed}, {backend}: {query:?}");
                 assert_eq!(occluded[i], expected.is_some(), "{seed}, {backend}: {query:?}");
+                assert_eq!(bits(own_hits[i]), bits(expected), "{seed}, {backend}: {query:?}");
+                assert_eq!(own_occluded[i], expected.is_some(), "{seed}, {backend}: {query:?}");
                 if query.from.is_none() {
                     let one =
                         |primitive: u32, ray: &Ray, span: Span| intersect(primitive, &Query::new(*ray, span));
                     let hit = hierarchy.nearest(&query.ray, query.span, one);
                     assert_eq!(bits(hit), bits(expected), "{seed}, {backend}: {query:?}");
                     assert_eq!(hierarchy.occluded(&query.ray, query.span, one), expected.is_some());
+                    assert_eq!(bits(dynamic.nearest(&query.ray, query.span)), bits(expected));
+                    assert_eq!(owning.occluded(&query.ray, query.span), expected.is_some());
                 }
             }
         }

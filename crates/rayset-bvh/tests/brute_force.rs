@@ -1,22 +1,17 @@
 //! Every answer has the bits of a loop over all primitives.
 
 use proptest::prelude::*;
-use rayset_bvh::{Hierarchy, Hit};
+use rayset_bvh::{Hierarchy, Hit, Query};
 use rayset_geometry::glam::{DVec3, dvec3};
 use rayset_geometry::{Cone, Polygon, Primitive, Ray, Side, Sides, Span, Sphere, Triangle, unit};
-use rayset_simd::{Backend, Kernel, Simd};
+use rayset_simd::Backend;
 
 /// The least hit in the order `(t, primitive)`, by a loop.
-fn brute_force(
-    primitives: &[(Primitive, Sides)],
-    ray: &Ray,
-    span: Span,
-    from: Option<(u32, Side)>,
-) -> Option<Hit> {
+fn brute_force(primitives: &[(Primitive, Sides)], query: &Query) -> Option<Hit> {
     let mut nearest: Option<Hit> = None;
     for (number, (primitive, sides)) in (0_u32..).zip(primitives) {
-        let departure = from.filter(|from| from.0 == number).map(|from| from.1);
-        if let Some(t) = primitive.intersect(ray, span, *sides, departure)
+        let departure = query.from.filter(|from| from.0 == number).map(|from| from.1);
+        if let Some(t) = primitive.intersect(&query.ray, query.span, *sides, departure)
             && nearest.is_none_or(|nearest| t < nearest.t)
         {
             nearest = Some(Hit { t, primitive: number });
@@ -25,26 +20,11 @@ fn brute_force(
     nearest
 }
 
-/// A ray, where hits count, and the primitive it leaves with the side.
-type Query = (Ray, Span, Option<(u32, Side)>);
-
-struct Answers<'a> {
-    hierarchy: &'a Hierarchy,
-    rays: &'a [Query],
-}
-
-impl Kernel for Answers<'_> {
-    type Output = Vec<(Option<Hit>, bool)>;
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Self::Output {
-        let mut scratch = self.hierarchy.scratch();
-        let mut answers = Vec::new();
-        for (ray, span, from) in self.rays {
-            let nearest = self.hierarchy.nearest_on(simd, ray, *span, *from, &mut scratch);
-            answers.push((nearest, self.hierarchy.occluded_on(simd, ray, *span, *from, &mut scratch)));
-        }
-        answers
-    }
+fn answers(hierarchy: &Hierarchy, rays: &[Query]) -> Vec<(Option<Hit>, bool)> {
+    let mut scratch = hierarchy.scratch();
+    let answer =
+        |query| (hierarchy.nearest_with(query, &mut scratch), hierarchy.occluded_with(query, &mut scratch));
+    rays.iter().map(answer).collect()
 }
 
 fn check(primitives: &[(Primitive, Sides)], rays: &[Query]) {
@@ -56,11 +36,10 @@ fn check(primitives: &[(Primitive, Sides)], rays: &[Query]) {
             (run.kind, run.range.start, *sides)
         })
         .collect();
-    let expected: Vec<_> =
-        rays.iter().map(|(ray, span, from)| brute_force(primitives, ray, *span, *from)).collect();
+    let expected: Vec<_> = rays.iter().map(|query| brute_force(primitives, query)).collect();
     for &backend in Backend::available() {
         let hierarchy = Hierarchy::over(&columns, &items, backend);
-        let answers = backend.run(Answers { hierarchy: &hierarchy, rays });
+        let answers = answers(&hierarchy, rays);
         for (i, (answer, expected)) in answers.iter().zip(&expected).enumerate() {
             let bits = |hit: &Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.primitive));
             assert_eq!(bits(&answer.0), bits(expected), "{backend}: {:?}", rays[i]);
@@ -143,7 +122,7 @@ proptest! {
                     let number = u32::try_from(index.index(primitives.len())).unwrap();
                     (number, if front { Side::Front } else { Side::Back })
                 });
-                (Ray::new(place(origin), direction), span, from)
+                Query { ray: Ray::new(place(origin), direction), span, from }
             })
             .collect();
         check(&primitives, &rays);
@@ -181,6 +160,6 @@ fn coincident_primitives_answer_with_the_least_number() {
         let sphere = Primitive::from(Sphere::new(DVec3::ZERO, 1.0));
         let primitives: Vec<_> = (0..n).map(|_| (sphere.clone(), Sides::Both)).collect();
         let ray = Ray::new(dvec3(0.0, 0.0, -3.0), DVec3::Z);
-        check(&primitives, &[(ray, Span::FORWARD, None), (ray, Span::FORWARD, Some((0, Side::Front)))]);
+        check(&primitives, &[ray.into(), Query::leaving(ray, Span::FORWARD, 0, Side::Front)]);
     }
 }

@@ -6,7 +6,7 @@ use rayset_geometry::glam::{DVec3, dvec3};
 use rayset_geometry::{
     Cone, Polygon, Primitive, PrimitiveColumns, Ray, Side, Sides, Span, Sphere, Triangle, unit,
 };
-use rayset_simd::{Backend, Kernel, Simd};
+use rayset_simd::Backend;
 
 /// Rays as columns, and what each leaves.
 #[derive(Debug, Default)]
@@ -35,29 +35,20 @@ impl List {
     }
 }
 
-struct Together<'a> {
-    hierarchy: &'a Hierarchy,
-    list: &'a List,
-}
-
-impl Kernel for Together<'_> {
-    type Output = (Vec<Option<Hit>>, Vec<bool>, Bundled);
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Self::Output {
-        let list = self.list;
-        let rays = RayColumns {
-            origins: [&list.origins[0], &list.origins[1], &list.origins[2]],
-            directions: [&list.directions[0], &list.directions[1], &list.directions[2]],
-            spans: (&list.starts, &list.ends),
-            left: &list.left,
-        };
-        let n = list.left.len();
-        let (mut hits, mut occluded) = (vec![None; n], vec![false; n]);
-        let mut scratch = self.hierarchy.bundle_scratch();
-        self.hierarchy.nearest_bundle_on(simd, &rays, 0..n, 0, &mut hits, &mut scratch);
-        self.hierarchy.occluded_bundle_on(simd, &rays, 0..n, 1, &mut occluded, &mut scratch);
-        (hits, occluded, scratch.bundled)
-    }
+fn together(hierarchy: &Hierarchy, list: &List) -> (Vec<Option<Hit>>, Vec<bool>, Bundled) {
+    let rays = RayColumns {
+        origins: [&list.origins[0], &list.origins[1], &list.origins[2]],
+        directions: [&list.directions[0], &list.directions[1], &list.directions[2]],
+        spans: (&list.starts, &list.ends),
+        left: &list.left,
+    };
+    let n = list.left.len();
+    // What stands in the places before does not matter.
+    let (mut hits, mut occluded) = (vec![Some(Hit { t: 0.0, primitive: 0 }); n], vec![true; n]);
+    let mut scratch = hierarchy.bundle_scratch();
+    hierarchy.nearest_bundle(&rays, 0..n, 0, &mut hits, &mut scratch);
+    hierarchy.occluded_bundle(&rays, 0..n, 1, &mut occluded, &mut scratch);
+    (hits, occluded, scratch.bundled)
 }
 
 /// Compares with a loop; returns how many rays were answered together.
@@ -85,11 +76,11 @@ fn check(primitives: &[(Primitive, Sides)], list: &List) -> u64 {
             nearest
         })
         .collect();
-    let mut together = 0;
+    let mut answered_together = 0;
     for &backend in Backend::available() {
         let hierarchy = Hierarchy::over(&columns, &items, backend);
-        let (hits, occluded, bundled) = backend.run(Together { hierarchy: &hierarchy, list });
-        together += bundled.tiles + bundled.packets;
+        let (hits, occluded, bundled) = together(&hierarchy, list);
+        answered_together += bundled.tiles + bundled.packets;
         for (i, expected) in expected.iter().enumerate() {
             let bits = |hit: &Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.primitive));
             assert_eq!(
@@ -102,7 +93,7 @@ fn check(primitives: &[(Primitive, Sides)], list: &List) -> u64 {
             assert_eq!(occluded[i], expected.is_some(), "{backend}, ray {i}: {:?}", list.ray(i));
         }
     }
-    together
+    answered_together
 }
 
 fn point() -> impl Strategy<Value = DVec3> {

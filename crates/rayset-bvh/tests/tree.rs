@@ -10,7 +10,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rayset_bvh::{BoxHierarchy, Hierarchy, Hit, Query, Scratch};
 use rayset_geometry::glam::{DVec3, dvec3};
 use rayset_geometry::{BoundingBox, Cone, Polygon, Primitive, Ray, Side, Sides, Span, Sphere, Triangle};
-use rayset_simd::{Backend, Kernel, Simd};
+use rayset_simd::Backend;
 use truth::{Dice, Primitives, bits, check, columns_of, nearest};
 
 struct Hashed(DefaultHasher);
@@ -97,21 +97,10 @@ fn depth_is_bounded_whatever_the_primitives_are() {
     }
 }
 
-struct Work<'a> {
-    hierarchy: &'a Hierarchy,
-    queries: &'a [Query],
-}
-
-impl Kernel for Work<'_> {
-    type Output = (Vec<Option<Hit>>, Scratch);
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Self::Output {
-        let mut scratch = self.hierarchy.scratch();
-        let answers = self.queries.iter();
-        let answers = answers
-            .map(|query| self.hierarchy.nearest_on(simd, &query.ray, query.span, query.from, &mut scratch));
-        (answers.collect(), scratch)
-    }
+fn trace(hierarchy: &Hierarchy, queries: &[Query]) -> (Vec<Option<Hit>>, Scratch) {
+    let mut scratch = hierarchy.scratch();
+    let answers = queries.iter().map(|query| hierarchy.nearest_with(query, &mut scratch)).collect();
+    (answers, scratch)
 }
 
 /// A million of one primitive, and some others.
@@ -147,7 +136,7 @@ fn a_million_coincident_primitives_cost_no_more_than_two() {
                 _ => Query::leaving(ray, Span::FORWARD, from, side),
             });
         }
-        let (answers, scratch) = hierarchy.backend().run(Work { hierarchy: &hierarchy, queries: &queries });
+        let (answers, scratch) = trace(&hierarchy, &queries);
         let tests = scratch.primitive_tests / queries.len() as u64;
         assert!(tests < 64, "{:?}: {tests} tests a ray", shape.kind());
         for (query, answer) in queries.iter().zip(answers).step_by(500) {
@@ -195,7 +184,7 @@ fn a_million_spheres_answer_like_a_loop() {
     let mut dice = Dice(ChaCha8Rng::seed_from_u64(8));
     let queries: Vec<Query> =
         (0..60).map(|_| Ray::between(2.0 * dice.point(), dice.point()).unwrap().into()).collect();
-    let (answers, scratch) = hierarchy.backend().run(Work { hierarchy: &hierarchy, queries: &queries });
+    let (answers, scratch) = trace(&hierarchy, &queries);
     // A ray that has hit something does not look at what is behind it.
     let n = queries.len() as u64;
     assert!(scratch.primitive_tests < 250 * n && scratch.steps.nodes < 100 * n, "{scratch:?}");

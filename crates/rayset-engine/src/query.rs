@@ -1,6 +1,5 @@
 //! The questions a strategy answers, and their answers.
 
-use rayset_bvh::RayColumns;
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Side, Span};
 use rayset_scene::{LightId, ObjectId, PrimitiveId};
@@ -290,17 +289,6 @@ impl<'a> Columns<'a> {
             starts: &generation.starts[..n],
             ends: &generation.ends[..n],
             originating: &generation.originating[..n],
-        }
-    }
-
-    /// The columns that a hierarchy traces.
-    #[inline(always)]
-    pub(crate) fn rays(&self) -> RayColumns<'a> {
-        RayColumns {
-            origins: self.origins,
-            directions: self.directions,
-            spans: (self.starts, self.ends),
-            left: &[],
         }
     }
 

@@ -33,6 +33,20 @@ pub trait Part<S: Simd> {
     fn run(self, simd: S) -> Self::Output;
 }
 
+/// Work whose data is as wide as the lanes of single precision.
+///
+/// [`Simd::by_lanes`] compiles the one method that fits, for each backend.
+pub trait ByLanes<S: Simd> {
+    /// What the work returns.
+    type Output;
+
+    /// Does the work on eight lanes; mark it `#[inline(always)]`, as [`Kernel::run`].
+    fn eight(self, simd: S) -> Self::Output;
+
+    /// Does the work on sixteen lanes; mark it `#[inline(always)]`, as [`Kernel::run`].
+    fn sixteen(self, simd: S) -> Self::Output;
+}
+
 /// An implementation of lanes.
 ///
 /// In increasing order of the number of lanes.

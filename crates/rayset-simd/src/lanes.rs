@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use crate::Part;
+use crate::{ByLanes, Part};
 
 /// An upper bound on [`Lanes::LANES`] of any backend, for both widths.
 ///
@@ -132,6 +132,9 @@ pub trait CullLanes: Lanes<Scalar = f32> {
 pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// Runs a part of a kernel in a function of its own, compiled for this backend.
     fn outline<P: Part<Self>>(self, part: P) -> P::Output;
+
+    /// Does work in the way that fits the number of lanes of [`Simd::F32`].
+    fn by_lanes<P: ByLanes<Self>>(self, work: P) -> P::Output;
 
     /// Lanes of double precision: what decides.
     type F64: Lanes<Scalar = f64>;

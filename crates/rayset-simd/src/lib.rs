@@ -35,7 +35,7 @@ mod scalar;
 #[macro_use]
 mod x86;
 
-pub use backend::{Backend, Kernel, Part, UnknownBackend};
+pub use backend::{Backend, ByLanes, Kernel, Part, UnknownBackend};
 pub use lanes::{CullLanes, LaneMask, Lanes, MAX_LANES, Simd};
 pub use portable::{F32x8, F64x4, M32x8, M64x4, Portable};
 pub use scalar::Scalar;

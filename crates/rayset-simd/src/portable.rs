@@ -3,7 +3,7 @@
 use std::array::from_fn;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use crate::{CullLanes, LaneMask, Lanes, Part, Simd};
+use crate::{ByLanes, CullLanes, LaneMask, Lanes, Part, Simd};
 
 /// The backend of plain arrays: four `f64` or eight `f32`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -191,6 +191,10 @@ impl Simd for Portable {
     #[inline(never)]
     fn outline<P: Part<Self>>(self, part: P) -> P::Output {
         part.run(self)
+    }
+    #[inline(always)]
+    fn by_lanes<P: ByLanes<Self>>(self, work: P) -> P::Output {
+        work.eight(self)
     }
     #[inline(always)]
     fn splat_f64(self, value: f64) -> F64x4 {

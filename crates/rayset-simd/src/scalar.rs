@@ -1,6 +1,6 @@
 //! One lane: plain numbers. The reference for every other backend.
 
-use crate::{F32x8, LaneMask, Lanes, M32x8, Part, Portable, Simd};
+use crate::{ByLanes, F32x8, LaneMask, Lanes, M32x8, Part, Portable, Simd};
 
 /// The backend with one lane of `f64`; it culls in the lanes of [`Portable`].
 #[derive(Clone, Copy, Debug, Default)]
@@ -74,6 +74,10 @@ impl Simd for Scalar {
     #[inline(never)]
     fn outline<P: Part<Self>>(self, part: P) -> P::Output {
         part.run(self)
+    }
+    #[inline(always)]
+    fn by_lanes<P: ByLanes<Self>>(self, work: P) -> P::Output {
+        work.eight(self)
     }
     #[inline(always)]
     fn splat_f64(self, value: f64) -> f64 {

@@ -23,6 +23,7 @@ use rayset_scene::Scene;
 use rayset_study::{Bench, BenchPlan, Contender, write_file};
 
 use crate::embree::Embree;
+use crate::parry::Parry;
 use crate::parts::Parts;
 use crate::plain::Plain;
 use crate::single::Single;
@@ -92,10 +93,9 @@ fn peers(scene: &Scene, threads: usize) -> Peers {
     peers.push(Box::new(Single { library: obvhs::Wide::new(&parts), extent }));
     peers.push(Box::new(Single { library: obvhs::Binary::new(&parts), extent }));
     peers.push(Box::new(Single { library: Plain::new(&parts), extent }));
-    match parts.spheres.is_empty().then(|| parry::Mesh::new(&parts)) {
-        Some(Ok(mesh)) => peers.push(Box::new(Single { library: mesh, extent })),
-        Some(Err(reason)) => refuse("parry3d", reason),
-        None => refuse("parry3d", "spheres, of which it has no fast set".to_owned()),
+    match Parry::new(&parts) {
+        Ok(library) => peers.push(Box::new(Single { library, extent })),
+        Err(reason) => refuse("parry3d", reason),
     }
     (peers, refused)
 }

@@ -7,15 +7,14 @@
 //!
 //! Source: Reshetov, Soupikov and Hurley 2005, "Multi-level ray tracing algorithm".
 
-use rayset_bvh::{BundleScratch, Bundled, Hierarchy, RayColumns};
-use rayset_geometry::Side;
+use rayset_bvh::{BundleScratch, Bundled, Hierarchy};
 use rayset_scene::{LightId, ObjectId, Scene};
-use rayset_simd::{Backend, Kernel, Lanes, Simd};
+use rayset_simd::Backend;
 
-use super::hierarchical::{hierarchy_of, hit_of, objects_of};
+use super::hierarchical::{Left, hierarchy_of, hit_of, objects_of};
 use crate::{
-    Answers, Generation, Hit, IntersectionStrategy, Originating, PixelOrder, QueryWork, RayKind, RayQuery,
-    Recording, ShadowGeneration, ShadowQuery, Slot, StageCounts, Stats, Tracer, Work,
+    Answers, Generation, Hit, IntersectionStrategy, PixelOrder, QueryWork, RayKind, RayQuery, Recording,
+    ShadowGeneration, ShadowQuery, Slot, StageCounts, Stats, Tracer, Work,
 };
 
 /// Traces rays in packets through a hierarchy of all primitives.
@@ -81,8 +80,7 @@ pub(super) struct BundleTracer<'s> {
     hierarchy: &'s Hierarchy,
     objects: &'s [ObjectId],
     scratch: BundleScratch,
-    /// What each ray of a generation leaves.
-    left: Vec<Option<(u32, Side)>>,
+    left: Left,
     hits: Vec<Option<rayset_bvh::Hit>>,
     recording: Recording,
     stats: Stats,
@@ -93,28 +91,59 @@ const CLASSES: usize = 32;
 
 impl<'s> BundleTracer<'s> {
     pub(super) fn new(hierarchy: &'s Hierarchy, objects: &'s [ObjectId], recording: Recording) -> Self {
-        let scratch = hierarchy.bundle_scratch();
-        let (left, hits) = (Vec::new(), Vec::new());
+        let (scratch, left, hits) = (hierarchy.bundle_scratch(), Left::default(), Vec::new());
         Self { hierarchy, objects, scratch, left, hits, recording, stats: Stats::default() }
     }
 
-    /// What the rays leave; nothing if they are initial rays.
-    fn find_left(&mut self, rays: &Generation) {
-        self.left.clear();
-        if rays.originating().first().is_some_and(Option::is_some) {
-            let left = |originating: &Originating| (originating.primitive.0, originating.side);
-            self.left.extend(rays.originating().iter().map(|originating| originating.as_ref().map(left)));
-        }
-    }
-
     /// Takes over what the hierarchy has counted; returns what is new.
-    fn count(&mut self, kind: RayKind, lanes: usize) -> Work {
+    fn count(&mut self, kind: RayKind) -> Work {
         let before = self.stats.work;
         let Bundled { tiles, packets, alone } = std::mem::take(&mut self.scratch.bundled);
         self.stats.stages[kind] += StageCounts { tiles, packets, alone };
-        self.stats.work.boxes_tested = self.scratch.single.steps.nodes * lanes as u64;
+        self.stats.work.boxes_tested = self.scratch.single.steps.nodes * self.hierarchy.lanes() as u64;
         self.stats.work.primitive_tests = self.scratch.single.primitive_tests;
         self.stats.work - before
+    }
+
+    /// Answers the rays of a generation, group by group.
+    fn answer(&mut self, generation: &Generation, mut places: Places<'_>, work: &mut Vec<QueryWork>) {
+        let mut left = std::mem::take(&mut self.left);
+        let rays = left.columns(generation);
+        let lanes = self.hierarchy.lanes();
+        // Shaft by shaft where their work is asked for.
+        let step = if self.recording == Recording::Off { usize::MAX } else { lanes * lanes };
+        let slots = generation.slots();
+        let before = work.len();
+        if self.recording == Recording::PerQuery {
+            work.resize(before + generation.len(), QueryWork::default());
+        }
+        let mut first = 0;
+        while first < slots.len() {
+            let end = first + places.group(slots, first);
+            let class = slots[first].0 as usize % CLASSES;
+            let kind = match places {
+                Places::Hits(_) => slots[first].kind(),
+                Places::Occluded(..) => RayKind::Shadow,
+            };
+            while first < end {
+                let range = first..first + step.min(end - first);
+                first = range.end;
+                let Self { hierarchy, scratch, .. } = self;
+                match &mut places {
+                    Places::Hits(hits) => {
+                        hierarchy.nearest_bundle(&rays, range.clone(), class, hits, scratch);
+                    }
+                    Places::Occluded(occluded, _) => {
+                        hierarchy.occluded_bundle(&rays, range.clone(), CLASSES + class, occluded, scratch);
+                    }
+                }
+                let new = self.count(kind);
+                if self.recording == Recording::PerQuery {
+                    record(&mut work[before..][range], new);
+                }
+            }
+        }
+        self.left = left;
     }
 }
 
@@ -149,65 +178,6 @@ impl Places<'_> {
     }
 }
 
-struct Answering<'a, 's> {
-    tracer: &'a mut BundleTracer<'s>,
-    generation: &'a Generation,
-    places: Places<'a>,
-    work: &'a mut Vec<QueryWork>,
-}
-
-impl Kernel for Answering<'_, '_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self { tracer, generation, mut places, work } = self;
-        let ([ox, oy, oz], [dx, dy, dz]) = (generation.origins(), generation.directions());
-        let left = std::mem::take(&mut tracer.left);
-        let rays = RayColumns {
-            origins: [ox, oy, oz],
-            directions: [dx, dy, dz],
-            spans: generation.spans(),
-            left: &left,
-        };
-        let lanes = S::F32::LANES;
-        // Shaft by shaft where their work is asked for.
-        let step = if tracer.recording == Recording::Off { usize::MAX } else { lanes * lanes };
-        let slots = generation.slots();
-        let before = work.len();
-        if tracer.recording == Recording::PerQuery {
-            work.resize(before + generation.len(), QueryWork::default());
-        }
-        let mut first = 0;
-        while first < slots.len() {
-            let end = first + places.group(slots, first);
-            let class = slots[first].0 as usize % CLASSES;
-            let kind = match places {
-                Places::Hits(_) => slots[first].kind(),
-                Places::Occluded(..) => RayKind::Shadow,
-            };
-            while first < end {
-                let range = first..first + step.min(end - first);
-                first = range.end;
-                let scratch = &mut tracer.scratch;
-                match &mut places {
-                    Places::Hits(hits) => {
-                        tracer.hierarchy.nearest_bundle_on(simd, &rays, range.clone(), class, hits, scratch);
-                    }
-                    Places::Occluded(occluded, _) => {
-                        let (class, range) = (CLASSES + class, range.clone());
-                        tracer.hierarchy.occluded_bundle_on(simd, &rays, range, class, occluded, scratch);
-                    }
-                }
-                let new = tracer.count(kind, lanes);
-                if tracer.recording == Recording::PerQuery {
-                    record(&mut work[before..][range], new);
-                }
-            }
-        }
-        tracer.left = left;
-    }
-}
-
 impl Tracer for BundleTracer<'_> {
     fn nearest(&mut self, query: &RayQuery) -> Option<Hit> {
         let mut generation = Generation::default();
@@ -234,13 +204,9 @@ impl Tracer for BundleTracer<'_> {
     }
 
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
-        self.find_left(generation);
         let mut hits = std::mem::take(&mut self.hits);
-        hits.clear();
         hits.resize(generation.len(), None);
-        let backend = self.hierarchy.backend();
-        let places = Places::Hits(&mut hits);
-        backend.run(Answering { tracer: self, generation, places, work: &mut answers.work });
+        self.answer(generation, Places::Hits(&mut hits), &mut answers.work);
         let objects = self.objects;
         answers.values.extend(hits.iter().map(|hit| hit.map(|hit| hit_of(objects, hit))));
         self.hits = hits;
@@ -248,11 +214,9 @@ impl Tracer for BundleTracer<'_> {
 
     fn occluded_bundle(&mut self, generation: &ShadowGeneration, answers: &mut Answers<bool>) {
         let rays = generation.rays();
-        self.find_left(rays);
         let first = answers.values.len();
         answers.values.resize(first + rays.len(), false);
-        let backend = self.hierarchy.backend();
         let places = Places::Occluded(&mut answers.values[first..], generation.lights());
-        backend.run(Answering { tracer: self, generation: rays, places, work: &mut answers.work });
+        self.answer(rays, places, &mut answers.work);
     }
 }

@@ -5,12 +5,11 @@
 //!
 //! Source: Wald, Benthin and Boulos 2008, "Getting rid of packets", for wide nodes that one ray tests in lanes.
 
-use rayset_bvh::{Hierarchy, RayColumns, RayList, Scratch};
-use rayset_geometry::{Ray, Side, Sides, Span};
+use rayset_bvh::{Hierarchy, Query, RayColumns, Scratch};
+use rayset_geometry::{Side, Sides};
 use rayset_scene::{ObjectId, PrimitiveId, Scene, VolumeId};
-use rayset_simd::{Backend, Kernel, Lanes, Simd};
+use rayset_simd::Backend;
 
-use crate::query::Columns;
 use crate::strategy::Before;
 use crate::{
     Answers, Generation, Hit, IntersectionStrategy, Originating, RayQuery, Recording, ShadowGeneration,
@@ -86,8 +85,31 @@ pub(super) struct HierarchicalTracer<'s> {
     hierarchy: &'s Hierarchy,
     objects: &'s [ObjectId],
     scratch: Scratch,
+    left: Left,
+    hits: Vec<Option<rayset_bvh::Hit>>,
     recording: Recording,
     stats: Stats,
+}
+
+/// The primitive that each ray of a generation leaves, and into which of its sides.
+#[derive(Debug, Default)]
+pub(super) struct Left(Vec<Option<(u32, Side)>>);
+
+impl Left {
+    /// The rays of a generation as columns, with what they leave.
+    pub(super) fn columns<'a>(&'a mut self, rays: &'a Generation) -> RayColumns<'a> {
+        self.0.clear();
+        // Initial rays leave nothing.
+        if rays.originating().first().is_some_and(Option::is_some) {
+            self.0.extend(rays.originating().iter().map(|from| from.as_ref().map(left_by)));
+        }
+        let ([ox, oy, oz], [dx, dy, dz]) = (rays.origins(), rays.directions());
+        RayColumns { origins: [ox, oy, oz], directions: [dx, dy, dz], spans: rays.spans(), left: &self.0 }
+    }
+}
+
+fn left_by(originating: &Originating) -> (u32, Side) {
+    (originating.primitive.0, originating.side)
 }
 
 /// A hit with its object.
@@ -99,46 +121,32 @@ pub(super) fn hit_of(objects: &[ObjectId], hit: rayset_bvh::Hit) -> Hit {
 
 impl<'s> HierarchicalTracer<'s> {
     pub(super) fn new(hierarchy: &'s Hierarchy, objects: &'s [ObjectId], recording: Recording) -> Self {
-        Self { hierarchy, objects, scratch: hierarchy.scratch(), recording, stats: Stats::default() }
-    }
-}
-
-impl HierarchicalTracer<'_> {
-    #[inline(always)]
-    fn nearest_on<S: Simd>(
-        &mut self,
-        simd: S,
-        ray: &Ray,
-        span: Span,
-        from: Option<&Originating>,
-    ) -> Option<Hit> {
-        let from = from.map(|from| (from.primitive.0, from.side));
-        let hit = self.hierarchy.nearest_on(simd, ray, span, from, &mut self.scratch)?;
-        Some(hit_of(self.objects, hit))
-    }
-
-    #[inline(always)]
-    fn occluded_on<S: Simd>(&mut self, simd: S, ray: &Ray, span: Span, from: Option<&Originating>) -> bool {
-        let from = from.map(|from| (from.primitive.0, from.side));
-        self.hierarchy.occluded_on(simd, ray, span, from, &mut self.scratch)
+        let (scratch, left, hits) = (hierarchy.scratch(), Left::default(), Vec::new());
+        Self { hierarchy, objects, scratch, left, hits, recording, stats: Stats::default() }
     }
 
     /// Takes over what the hierarchy has counted.
-    #[inline(always)]
-    fn count<S: Simd>(&mut self) {
+    fn count(&mut self) {
         let work = &mut self.stats.work;
-        work.boxes_tested = self.scratch.steps.nodes * S::F32::LANES as u64;
+        work.boxes_tested = self.scratch.steps.nodes * self.hierarchy.lanes() as u64;
         work.primitive_tests = self.scratch.primitive_tests;
     }
 }
 
 impl Tracer for HierarchicalTracer<'_> {
     fn nearest(&mut self, query: &RayQuery) -> Option<Hit> {
-        self.hierarchy.backend().run(NearestOne { tracer: self, query })
+        let from = query.originating.as_ref().map(left_by);
+        let asked = Query { ray: query.ray, span: query.span, from };
+        let hit = self.hierarchy.nearest_with(&asked, &mut self.scratch);
+        self.count();
+        hit.map(|hit| hit_of(self.objects, hit))
     }
 
     fn occluded(&mut self, query: &ShadowQuery) -> bool {
-        self.hierarchy.backend().run(OccludedOne { tracer: self, query })
+        let asked = Query { ray: query.ray, span: query.span, from: Some(left_by(&query.originating)) };
+        let occluded = self.hierarchy.occluded_with(&asked, &mut self.scratch);
+        self.count();
+        occluded
     }
 
     fn stats(&self) -> &Stats {
@@ -151,7 +159,11 @@ impl Tracer for HierarchicalTracer<'_> {
 
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
         if self.recording == Recording::Off {
-            self.hierarchy.backend().run(NearestBundle { tracer: self, generation, answers });
+            let Self { hierarchy, objects, scratch, left, hits, .. } = self;
+            hits.resize(generation.len(), None);
+            hierarchy.nearest_each(&left.columns(generation), hits, scratch);
+            answers.values.extend(hits.iter().map(|hit| hit.map(|hit| hit_of(objects, hit))));
+            self.count();
             return;
         }
         for i in 0..generation.len() {
@@ -163,7 +175,12 @@ impl Tracer for HierarchicalTracer<'_> {
 
     fn occluded_bundle(&mut self, generation: &ShadowGeneration, answers: &mut Answers<bool>) {
         if self.recording == Recording::Off {
-            self.hierarchy.backend().run(OccludedBundle { tracer: self, generation, answers });
+            let Self { hierarchy, scratch, left, .. } = self;
+            let rays = generation.rays();
+            let first = answers.values.len();
+            answers.values.resize(first + rays.len(), false);
+            hierarchy.occluded_each(&left.columns(rays), &mut answers.values[first..], scratch);
+            self.count();
             return;
         }
         for i in 0..generation.len() {
@@ -171,125 +188,5 @@ impl Tracer for HierarchicalTracer<'_> {
             answers.values.push(self.occluded(&generation.query(i)));
             before.record(self, &mut answers.work);
         }
-    }
-}
-
-struct NearestOne<'a, 's> {
-    tracer: &'a mut HierarchicalTracer<'s>,
-    query: &'a RayQuery,
-}
-
-impl Kernel for NearestOne<'_, '_> {
-    type Output = Option<Hit>;
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Option<Hit> {
-        let RayQuery { ray, span, originating, .. } = self.query;
-        let hit = self.tracer.nearest_on(simd, ray, *span, originating.as_ref());
-        self.tracer.count::<S>();
-        hit
-    }
-}
-
-struct OccludedOne<'a, 's> {
-    tracer: &'a mut HierarchicalTracer<'s>,
-    query: &'a ShadowQuery,
-}
-
-impl Kernel for OccludedOne<'_, '_> {
-    type Output = bool;
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> bool {
-        let ShadowQuery { ray, span, originating, .. } = self.query;
-        let occluded = self.tracer.occluded_on(simd, ray, *span, Some(originating));
-        self.tracer.count::<S>();
-        occluded
-    }
-}
-
-struct NearestBundle<'a, 's> {
-    tracer: &'a mut HierarchicalTracer<'s>,
-    generation: &'a Generation,
-    answers: &'a mut Answers<Option<Hit>>,
-}
-
-impl Kernel for NearestBundle<'_, '_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self { tracer, generation, answers } = self;
-        let HierarchicalTracer { hierarchy, objects, scratch, .. } = &mut *tracer;
-        let columns = Columns::of(generation);
-        answers.values.reserve(columns.slots.len());
-        let mut rays = NearestRays { columns, objects, answers: &mut answers.values };
-        hierarchy.nearest_each(simd, &mut rays, scratch);
-        tracer.count::<S>();
-    }
-}
-
-struct OccludedBundle<'a, 's> {
-    tracer: &'a mut HierarchicalTracer<'s>,
-    generation: &'a ShadowGeneration,
-    answers: &'a mut Answers<bool>,
-}
-
-impl Kernel for OccludedBundle<'_, '_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self { tracer, generation, answers } = self;
-        let HierarchicalTracer { hierarchy, scratch, .. } = &mut *tracer;
-        let columns = Columns::of(generation.rays());
-        answers.values.reserve(columns.slots.len());
-        hierarchy.occluded_each(simd, &mut ShadowRays { columns, answers: &mut answers.values }, scratch);
-        tracer.count::<S>();
-    }
-}
-
-/// What a ray of a bundle leaves.
-#[inline(always)]
-fn left_by(columns: &Columns<'_>, i: usize) -> Option<(u32, Side)> {
-    columns.originating[i].as_ref().map(|from| (from.primitive.0, from.side))
-}
-
-/// The rays of a bundle that ask for the nearest hit.
-struct NearestRays<'a> {
-    columns: Columns<'a>,
-    objects: &'a [ObjectId],
-    answers: &'a mut Vec<Option<Hit>>,
-}
-
-impl<'r> RayList<'r, Option<rayset_bvh::Hit>> for NearestRays<'r> {
-    #[inline(always)]
-    fn columns(&self) -> RayColumns<'r> {
-        self.columns.rays()
-    }
-    #[inline(always)]
-    fn left(&self, i: usize) -> Option<(u32, Side)> {
-        left_by(&self.columns, i)
-    }
-    #[inline(always)]
-    fn answer(&mut self, hit: Option<rayset_bvh::Hit>) {
-        self.answers.push(hit.map(|hit| hit_of(self.objects, hit)));
-    }
-}
-
-/// The rays of a bundle that ask whether anything is between.
-struct ShadowRays<'a> {
-    columns: Columns<'a>,
-    answers: &'a mut Vec<bool>,
-}
-
-impl<'r> RayList<'r, bool> for ShadowRays<'r> {
-    #[inline(always)]
-    fn columns(&self) -> RayColumns<'r> {
-        self.columns.rays()
-    }
-    #[inline(always)]
-    fn left(&self, i: usize) -> Option<(u32, Side)> {
-        left_by(&self.columns, i)
-    }
-    #[inline(always)]
-    fn answer(&mut self, is_hit: bool) {
-        self.answers.push(is_hit);
     }
 }

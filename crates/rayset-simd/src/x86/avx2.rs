@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use crate::{CullLanes, LaneMask, Lanes, Part, Simd};
+use crate::{ByLanes, CullLanes, LaneMask, Lanes, Part, Simd};
 
 /// The backend of AVX2 with FMA, BMI and LZCNT.
 ///
@@ -180,6 +180,10 @@ impl Simd for Avx2 {
     fn outline<P: Part<Self>>(self, part: P) -> P::Output {
         // SAFETY: the token exists only where the machine has the instructions.
         unsafe { run_part(part) }
+    }
+    #[inline(always)]
+    fn by_lanes<P: ByLanes<Self>>(self, work: P) -> P::Output {
+        work.eight(self)
     }
 
     #[inline(always)]

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use crate::{CullLanes, LaneMask, Lanes, Part, Simd};
+use crate::{ByLanes, CullLanes, LaneMask, Lanes, Part, Simd};
 
 /// The backend of AVX-512 (F, BW, DQ and VL).
 ///
@@ -130,6 +130,10 @@ impl Simd for Avx512 {
     fn outline<P: Part<Self>>(self, part: P) -> P::Output {
         // SAFETY: the token exists only where the machine has the instructions.
         unsafe { run_part(part) }
+    }
+    #[inline(always)]
+    fn by_lanes<P: ByLanes<Self>>(self, work: P) -> P::Output {
+        work.sixteen(self)
     }
 
     #[inline(always)]
