@@ -28,7 +28,7 @@ mod table1;
 
 pub use bench::{
     Bench, BenchPlan, BenchRow, BenchScene, Contender, ContenderRow, Disagreements, MOST_TESTS_PER_RAY, Pass,
-    PassRow, RecordedPass, RecordedSweep, Recording, SLOW, View, Worker, strategies,
+    PassRow, RecordedPart, RecordedPass, Recording, SLOW, View, Worker, strategies,
 };
 pub use coherence::{Coherence, CoherenceCell, CoherencePlan, CoherenceRow};
 pub use conditions::{Conditions, Pair};

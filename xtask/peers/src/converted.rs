@@ -2,7 +2,7 @@
 //! narrowed into a packet just before each call, and its answers are read out into columns just after.
 
 use rayset_engine::Generation;
-use rayset_study::{Disagreements, RecordedSweep, Worker};
+use rayset_study::{Disagreements, RecordedPart, Worker};
 
 use crate::embree::Mode;
 use crate::ffi::{Aligned64, Columns, Context, Hits, Packet};
@@ -13,26 +13,26 @@ pub(crate) struct Converting<'e, P> {
     mode: &'e Mode,
     context: Context,
     packet: P,
-    sweep: RecordedSweep,
+    part: RecordedPart,
     hits: Hits,
     hidden: Vec<bool>,
 }
 
 impl<'e, P: Packet> Converting<'e, P> {
     pub(crate) fn new(mode: &'e Mode) -> Self {
-        let sweep = RecordedSweep::Nearest(Vec::new());
+        let part = RecordedPart::Nearest(Vec::new());
         let (hits, hidden) = (Hits::default(), Vec::new());
-        Self { mode, context: mode.context(), packet: P::EMPTY, sweep, hits, hidden }
+        Self { mode, context: mode.context(), packet: P::EMPTY, part, hits, hidden }
     }
 
     /// Bundle by bundle; a packet takes neighbours in the columns, of which those of a slot and light stand together.
     #[inline(always)]
     fn ask(&mut self) {
-        let Self { mode, context, packet, sweep, hits, hidden } = self;
+        let Self { mode, context, packet, part, hits, hidden } = self;
         let scene = mode.scene();
         let mut first = 0;
-        match sweep {
-            RecordedSweep::Nearest(bundles) => {
+        match part {
+            RecordedPart::Nearest(bundles) => {
                 for (rays, _) in bundles {
                     let (columns, n) = (columns(rays, mode.extent()), rays.len());
                     let end = first + n;
@@ -47,7 +47,7 @@ impl<'e, P: Packet> Converting<'e, P> {
                     first = end;
                 }
             }
-            RecordedSweep::Shadow(bundles) => {
+            RecordedPart::Shadow(bundles) => {
                 for (rays, _) in bundles {
                     let (columns, n) = (columns(rays.rays(), mode.extent()), rays.len());
                     let end = first + n;
@@ -113,14 +113,14 @@ fn columns(rays: &Generation, extent: f64) -> Columns<'_> {
 }
 
 impl<P: Packet> Worker for Converting<'_, P> {
-    fn load(&mut self, sweep: &RecordedSweep) {
-        self.sweep = sweep.clone();
-        let n = sweep.rays();
+    fn load(&mut self, part: &RecordedPart) {
+        self.part = part.clone();
+        let n = part.rays();
         self.hits.resize(n);
         self.hidden.resize(n, false);
     }
 
-    fn trace(&mut self, _: &RecordedSweep) {
+    fn trace(&mut self, _: &RecordedPart) {
         #[cfg(target_arch = "x86_64")]
         {
             let has_avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
@@ -140,18 +140,18 @@ impl<P: Packet> Worker for Converting<'_, P> {
         self.ask();
     }
 
-    fn compare(&mut self, sweep: &RecordedSweep, disagreements: &mut Disagreements) {
-        let lengths: Vec<usize> = match sweep {
-            RecordedSweep::Nearest(bundles) => bundles.iter().map(|(rays, _)| rays.len()).collect(),
-            RecordedSweep::Shadow(bundles) => bundles.iter().map(|(rays, _)| rays.len()).collect(),
+    fn compare(&mut self, part: &RecordedPart, disagreements: &mut Disagreements) {
+        let lengths: Vec<usize> = match part {
+            RecordedPart::Nearest(bundles) => bundles.iter().map(|(rays, _)| rays.len()).collect(),
+            RecordedPart::Shadow(bundles) => bundles.iter().map(|(rays, _)| rays.len()).collect(),
         };
         let places = lengths.into_iter().enumerate().flat_map(|(b, n)| (0..n).map(move |i| (b, i)));
         for (i, place) in places.enumerate() {
-            let said = match sweep {
-                RecordedSweep::Shadow(_) => Said::Blocked(self.hidden[i]),
-                RecordedSweep::Nearest(_) => Said::Nearest(self.mode.found(self.hits.get(i))),
+            let said = match part {
+                RecordedPart::Shadow(_) => Said::Blocked(self.hidden[i]),
+                RecordedPart::Nearest(_) => Said::Nearest(self.mode.found(self.hits.get(i))),
             };
-            judge(sweep, place, &said, self.mode.extent(), disagreements);
+            judge(part, place, &said, self.mode.extent(), disagreements);
         }
     }
 }
@@ -185,13 +185,13 @@ mod tests {
             }
             (rays, vec![None; n as usize])
         };
-        let sweep = RecordedSweep::Nearest(vec![bundle(37), bundle(16), bundle(1)]);
+        let part = RecordedPart::Nearest(vec![bundle(37), bundle(16), bundle(1)]);
         for mode in modes(&embree, false, 1.0).iter().filter(|mode| mode.name().contains("converted")) {
             let mut found = Disagreements::default();
             let mut worker = mode.worker();
-            worker.load(&sweep);
-            worker.trace(&sweep);
-            worker.compare(&sweep, &mut found);
+            worker.load(&part);
+            worker.trace(&part);
+            worker.compare(&part, &mut found);
             // Nothing is recorded as hit.
             assert_eq!((found.compared, found.total()), (54, 13 + 6 + 1), "{}", mode.name());
         }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicIsize, Ordering};
 use std::time::Instant;
 
 use rayset_engine::Backend;
-use rayset_study::{Contender, Disagreements, RecordedSweep, Worker};
+use rayset_study::{Contender, Disagreements, RecordedPart, Worker};
 
 use crate::converted::Converting;
 use crate::ffi::{self, Aligned64, Context, Handle, Packet, RayHit1, RayHit8, RayHit16};
@@ -247,8 +247,8 @@ impl<'e, P: Packet> Asking<'e, P> {
 }
 
 impl<P: Packet> Worker for Asking<'_, P> {
-    fn load(&mut self, sweep: &RecordedSweep) {
-        let rays = rays(sweep, self.mode.extent);
+    fn load(&mut self, part: &RecordedPart) {
+        let rays = rays(part, self.mode.extent);
         self.packets.clear();
         self.places.clear();
         for (i, (ray, place)) in rays.into_iter().enumerate() {
@@ -262,12 +262,12 @@ impl<P: Packet> Worker for Asking<'_, P> {
         }
     }
 
-    fn trace(&mut self, sweep: &RecordedSweep) {
+    fn trace(&mut self, part: &RecordedPart) {
         let scene = self.mode.embree.scene;
         let all = Aligned64([-1; 16]);
         let last = self.lanes_of_last();
         let n = self.packets.len();
-        let shadow = matches!(sweep, RecordedSweep::Shadow(_));
+        let shadow = matches!(part, RecordedPart::Shadow(_));
         for (i, packet) in self.packets.iter_mut().enumerate() {
             let valid = if i + 1 == n { &last } else { &all };
             // SAFETY: the scene was committed and lives as long as the mode that is borrowed; lanes are 0 or -1.
@@ -281,14 +281,14 @@ impl<P: Packet> Worker for Asking<'_, P> {
         }
     }
 
-    fn compare(&mut self, sweep: &RecordedSweep, disagreements: &mut Disagreements) {
+    fn compare(&mut self, part: &RecordedPart, disagreements: &mut Disagreements) {
         for (i, place) in self.places.iter().enumerate() {
             let answer = self.packets[i / P::LANES].answer(i % P::LANES);
-            let said = match sweep {
-                RecordedSweep::Shadow(_) => Said::Blocked(answer.0 < 0.0),
-                RecordedSweep::Nearest(_) => Said::Nearest(self.mode.found(answer)),
+            let said = match part {
+                RecordedPart::Shadow(_) => Said::Blocked(answer.0 < 0.0),
+                RecordedPart::Nearest(_) => Said::Nearest(self.mode.found(answer)),
             };
-            judge(sweep, *place, &said, self.mode.extent, disagreements);
+            judge(part, *place, &said, self.mode.extent, disagreements);
         }
     }
 }

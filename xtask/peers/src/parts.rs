@@ -4,7 +4,7 @@ use rayset_engine::Generation;
 use rayset_engine::geometry::{PrimitiveKind, Sides};
 use rayset_engine::scene::glam::DVec3;
 use rayset_engine::scene::{LightId, Scene, VolumeId};
-use rayset_study::{Disagreements, RecordedSweep};
+use rayset_study::{Disagreements, RecordedPart};
 
 /// Rays that leave a surface see others from here on, relative to the extent of the scene: single precision would else
 /// see the surface itself. Ours leaves surfaces by their identity, at almost no distance.
@@ -70,7 +70,7 @@ pub(crate) struct Narrow {
     pub(crate) span: [f32; 2],
 }
 
-/// Where a ray stands in a sweep: bundle and place.
+/// Where a ray stands in a part: bundle and place.
 pub(crate) type Place = (usize, usize);
 
 /// Where rays that leave a surface, or do not, start at least, in world units.
@@ -83,11 +83,11 @@ pub(crate) fn floor(rays: &Generation, extent: f64) -> f64 {
     if leaves { START * extent } else { 0.0 }
 }
 
-/// The rays of a sweep, bundle by bundle; within one by slot and light, then in the order of the image, a Morton
+/// The rays of a part, bundle by bundle; within one by slot and light, then in the order of the image, a Morton
 /// curve, so that 16 neighbours in the list are 4 by 4 pixels where none is missing.
 #[expect(clippy::cast_possible_truncation, reason = "peers decide in single precision")]
-pub(crate) fn rays(sweep: &RecordedSweep, extent: f64) -> Vec<(Narrow, Place)> {
-    let mut narrow = Vec::with_capacity(sweep.rays());
+pub(crate) fn rays(part: &RecordedPart, extent: f64) -> Vec<(Narrow, Place)> {
+    let mut narrow = Vec::with_capacity(part.rays());
     let mut order = Vec::new();
     let mut append = |b: usize, rays: &Generation, lights: &[LightId]| {
         let light = |i: usize| lights.get(i).map_or(0, |light| light.0);
@@ -103,11 +103,11 @@ pub(crate) fn rays(sweep: &RecordedSweep, extent: f64) -> Vec<(Narrow, Place)> {
             narrow.push((Narrow { origin, direction, span }, (b, i)));
         }
     };
-    match sweep {
-        RecordedSweep::Nearest(bundles) => {
+    match part {
+        RecordedPart::Nearest(bundles) => {
             bundles.iter().enumerate().for_each(|(b, (rays, _))| append(b, rays, &[]));
         }
-        RecordedSweep::Shadow(bundles) => {
+        RecordedPart::Shadow(bundles) => {
             bundles.iter().enumerate().for_each(|(b, (rays, _))| append(b, rays.rays(), rays.lights()));
         }
     }
@@ -121,16 +121,10 @@ pub(crate) enum Said {
 }
 
 /// Compares what a peer said with what is recorded.
-pub(crate) fn judge(
-    sweep: &RecordedSweep,
-    (b, i): Place,
-    said: &Said,
-    extent: f64,
-    found: &mut Disagreements,
-) {
+pub(crate) fn judge(part: &RecordedPart, (b, i): Place, said: &Said, extent: f64, found: &mut Disagreements) {
     found.compared += 1;
-    match (sweep, said) {
-        (RecordedSweep::Nearest(bundles), Said::Nearest(theirs)) => {
+    match (part, said) {
+        (RecordedPart::Nearest(bundles), Said::Nearest(theirs)) => {
             let (rays, hits) = &bundles[b];
             let query = rays.query(i);
             let ours = hits[i].map(|hit| (hit.t, hit.primitive.0));
@@ -158,7 +152,7 @@ pub(crate) fn judge(
                 format!("ray from {o} along {d}: ours {ours:?}, theirs {theirs:?}")
             });
         }
-        (RecordedSweep::Shadow(bundles), Said::Blocked(theirs)) => {
+        (RecordedPart::Shadow(bundles), Said::Blocked(theirs)) => {
             let (rays, blocked) = &bundles[b];
             let reason = match (blocked[i], theirs) {
                 (false, true) => "blocked, and ours is not: an edge, a silhouette or its own surface",

@@ -1,6 +1,6 @@
 //! Libraries in Rust that trace one ray at a time.
 
-use rayset_study::{Contender, Disagreements, RecordedSweep, Worker};
+use rayset_study::{Contender, Disagreements, RecordedPart, Worker};
 
 use crate::parts::{Narrow, Place, Said, judge, rays};
 
@@ -55,33 +55,33 @@ struct Asking<'l, L> {
 }
 
 impl<L: Library> Worker for Asking<'_, L> {
-    fn load(&mut self, sweep: &RecordedSweep) {
-        self.rays = rays(sweep, self.single.extent);
+    fn load(&mut self, part: &RecordedPart) {
+        self.rays = rays(part, self.single.extent);
         self.hits.clear();
         self.blocked.clear();
         self.hits.reserve(self.rays.len());
         self.blocked.reserve(self.rays.len());
     }
 
-    fn trace(&mut self, sweep: &RecordedSweep) {
+    fn trace(&mut self, part: &RecordedPart) {
         let library = &self.single.library;
-        match sweep {
-            RecordedSweep::Nearest(_) => {
+        match part {
+            RecordedPart::Nearest(_) => {
                 self.hits.extend(self.rays.iter().map(|(ray, _)| library.nearest(ray)))
             }
-            RecordedSweep::Shadow(_) => {
+            RecordedPart::Shadow(_) => {
                 self.blocked.extend(self.rays.iter().map(|(ray, _)| library.occluded(ray)));
             }
         }
     }
 
-    fn compare(&mut self, sweep: &RecordedSweep, disagreements: &mut Disagreements) {
+    fn compare(&mut self, part: &RecordedPart, disagreements: &mut Disagreements) {
         for (i, (_, place)) in self.rays.iter().enumerate() {
-            let said = match sweep {
-                RecordedSweep::Nearest(_) => Said::Nearest(self.hits[i]),
-                RecordedSweep::Shadow(_) => Said::Blocked(self.blocked[i]),
+            let said = match part {
+                RecordedPart::Nearest(_) => Said::Nearest(self.hits[i]),
+                RecordedPart::Shadow(_) => Said::Blocked(self.blocked[i]),
             };
-            judge(sweep, *place, &said, self.single.extent, disagreements);
+            judge(part, *place, &said, self.single.extent, disagreements);
         }
     }
 }

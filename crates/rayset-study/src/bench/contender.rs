@@ -5,12 +5,12 @@ use std::time::Instant;
 
 use rayset_engine::{
     Answers, Backend, Generation, Hit, IntersectionStrategy, Recording as Work, ShadowGeneration,
-    StrategyKind,
+    StrategyKind, Tracer,
 };
 use rayset_scene::Scene;
 use serde::Serialize;
 
-use super::{RecordedPass, RecordedSweep};
+use super::{RecordedPart, RecordedPass};
 
 /// Something that answers recorded rays, bound to a scene.
 pub trait Contender: Sync {
@@ -35,16 +35,19 @@ pub trait Contender: Sync {
     fn worker(&self) -> Box<dyn Worker + '_>;
 }
 
-/// Answers sweeps, one after the other.
+/// Answers sweeps, one after the other, part by part.
 pub trait Worker {
-    /// Brings the rays of a sweep into the form it wants, before the clock starts.
-    fn load(&mut self, _sweep: &RecordedSweep) {}
+    /// Begins a sweep; this is timed.
+    fn begin(&mut self) {}
 
-    /// Answers the sweep loaded last; this is what is timed.
-    fn trace(&mut self, sweep: &RecordedSweep);
+    /// Brings the rays of a part into the form it wants, before the clock starts.
+    fn load(&mut self, _part: &RecordedPart) {}
 
-    /// Compares the answers to the sweep traced last with the recorded ones, after the clock has stopped.
-    fn compare(&mut self, sweep: &RecordedSweep, disagreements: &mut Disagreements);
+    /// Answers the part loaded last; this is timed.
+    fn trace(&mut self, part: &RecordedPart);
+
+    /// Compares the answers to the part traced last with the recorded ones, after the clock has stopped.
+    fn compare(&mut self, part: &RecordedPart, disagreements: &mut Disagreements);
 }
 
 /// Where answers differ from the recorded ones.
@@ -129,15 +132,16 @@ impl Contender for Ours<'_> {
 
     fn tests_per_ray(&self, pass: &RecordedPass) -> Option<f64> {
         let mut tracer = self.strategy.begin_sweep(Work::Off);
-        let n = match pass.sweeps.get(pass.sweeps.len() / 2)? {
-            RecordedSweep::Nearest(bundles) => {
+        let sweep = pass.sweeps.get(pass.sweeps.len() / 2)?;
+        let n = match sweep.get(sweep.len() / 2)? {
+            RecordedPart::Nearest(bundles) => {
                 let (rays, _) = bundles.get(bundles.len() / 2)?;
                 let mut few = Generation::default();
                 (0..rays.len().min(TRIED)).for_each(|i| few.push(&rays.query(i)));
                 tracer.nearest_bundle(&few, &mut Answers::default());
                 few.len()
             }
-            RecordedSweep::Shadow(bundles) => {
+            RecordedPart::Shadow(bundles) => {
                 let (rays, _) = bundles.get(bundles.len() / 2)?;
                 let mut few = ShadowGeneration::default();
                 (0..rays.len().min(TRIED)).for_each(|i| few.push(&rays.query(i)));
@@ -154,7 +158,8 @@ impl Contender for Ours<'_> {
         let strategy = self.strategy.as_ref();
         Box::new(Answering {
             strategy,
-            sweep: RecordedSweep::Shadow(Vec::new()),
+            tracer: strategy.begin_sweep(Work::Off),
+            part: RecordedPart::Shadow(Vec::new()),
             hits: Vec::new(),
             blocked: Vec::new(),
         })
@@ -164,43 +169,48 @@ impl Contender for Ours<'_> {
 /// A thread's buffers: the rays, near at hand as they are where they were just made, and the answers of each bundle.
 struct Answering<'s> {
     strategy: &'s dyn IntersectionStrategy,
-    sweep: RecordedSweep,
+    tracer: Box<dyn Tracer + 's>,
+    part: RecordedPart,
     hits: Vec<Answers<Option<Hit>>>,
     blocked: Vec<Answers<bool>>,
 }
 
 impl Worker for Answering<'_> {
-    fn load(&mut self, sweep: &RecordedSweep) {
-        self.sweep = sweep.clone();
+    fn begin(&mut self) {
+        self.tracer = self.strategy.begin_sweep(Work::Off);
+    }
+
+    fn load(&mut self, part: &RecordedPart) {
+        self.part = part.clone();
         self.hits.iter_mut().for_each(Answers::clear);
         self.blocked.iter_mut().for_each(Answers::clear);
-        match sweep {
-            RecordedSweep::Nearest(bundles) => {
+        match part {
+            RecordedPart::Nearest(bundles) => {
                 grow(&mut self.hits, bundles.iter().map(|(rays, _)| rays.len()))
             }
-            RecordedSweep::Shadow(bundles) => {
+            RecordedPart::Shadow(bundles) => {
                 grow(&mut self.blocked, bundles.iter().map(|(rays, _)| rays.len()));
             }
         }
     }
 
-    fn trace(&mut self, _: &RecordedSweep) {
-        let mut tracer = self.strategy.begin_sweep(Work::Off);
-        match &self.sweep {
-            RecordedSweep::Nearest(bundles) => {
-                for ((rays, _), answers) in bundles.iter().zip(&mut self.hits) {
+    fn trace(&mut self, _: &RecordedPart) {
+        let Self { tracer, part, hits, blocked, .. } = self;
+        match part {
+            RecordedPart::Nearest(bundles) => {
+                for ((rays, _), answers) in bundles.iter().zip(hits) {
                     tracer.nearest_bundle(rays, answers);
                 }
             }
-            RecordedSweep::Shadow(bundles) => {
-                for ((rays, _), answers) in bundles.iter().zip(&mut self.blocked) {
+            RecordedPart::Shadow(bundles) => {
+                for ((rays, _), answers) in bundles.iter().zip(blocked) {
                     tracer.occluded_bundle(rays, answers);
                 }
             }
         }
     }
 
-    fn compare(&mut self, sweep: &RecordedSweep, disagreements: &mut Disagreements) {
+    fn compare(&mut self, part: &RecordedPart, disagreements: &mut Disagreements) {
         let bits = |hit: &Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.object, hit.primitive));
         let mut check = |n: usize, m: usize, differing: Option<usize>, what: &dyn Fn(usize) -> String| {
             disagreements.compared += n as u64;
@@ -210,8 +220,8 @@ impl Worker for Answering<'_> {
                 disagreements.add("bits", || what(i));
             }
         };
-        match sweep {
-            RecordedSweep::Nearest(bundles) => {
+        match part {
+            RecordedPart::Nearest(bundles) => {
                 for ((rays, hits), answers) in bundles.iter().zip(&self.hits) {
                     let found = &answers.values;
                     let differing = hits.iter().zip(found).position(|(hit, found)| bits(hit) != bits(found));
@@ -220,7 +230,7 @@ impl Worker for Answering<'_> {
                     });
                 }
             }
-            RecordedSweep::Shadow(bundles) => {
+            RecordedPart::Shadow(bundles) => {
                 for ((rays, blocked), answers) in bundles.iter().zip(&self.blocked) {
                     let found = &answers.values;
                     let differing = blocked.iter().zip(found).position(|(blocked, found)| blocked != found);

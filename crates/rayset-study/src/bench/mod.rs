@@ -13,7 +13,7 @@ mod scenes;
 mod versus;
 
 pub use contender::{Contender, Disagreements, Worker, strategies};
-pub use record::{Pass, RecordedPass, RecordedSweep, Recording};
+pub use record::{Pass, RecordedPart, RecordedPass, Recording};
 pub use scenes::{BenchScene, View};
 
 use serde::{Deserialize, Serialize};

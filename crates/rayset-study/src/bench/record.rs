@@ -70,20 +70,24 @@ pub struct Recording {
 pub struct RecordedPass {
     /// Which.
     pub pass: Pass,
-    /// Its sweeps: bands of tiles, from the top.
-    pub sweeps: Vec<RecordedSweep>,
+    /// Its sweeps, bands of tiles from the top, each in parts.
+    pub sweeps: Vec<Vec<RecordedPart>>,
 }
 
-/// The rays of a list in one sweep, bundle by bundle, each with its answers.
+/// How many rays a part of a sweep holds, or a bundle more: so few that they stay in the second cache of a core, where
+/// rays are that were just made.
+const PART: usize = 4096;
+
+/// Rays of a list in one sweep, bundle by bundle, each with its answers.
 #[derive(Clone, Debug)]
-pub enum RecordedSweep {
+pub enum RecordedPart {
     /// Rays that ask for the nearest hit.
     Nearest(Vec<(Generation, Vec<Option<Hit>>)>),
     /// Rays that ask whether anything is between.
     Shadow(Vec<(ShadowGeneration, Vec<bool>)>),
 }
 
-impl RecordedSweep {
+impl RecordedPart {
     /// How many rays there are.
     #[must_use]
     pub fn rays(&self) -> usize {
@@ -103,23 +107,19 @@ impl RecordedSweep {
             }
         }
     }
-
-    fn is_empty(&self) -> bool {
-        self.rays() == 0
-    }
 }
 
 impl RecordedPass {
     /// How many rays there are.
     #[must_use]
     pub fn rays(&self) -> u64 {
-        self.sweeps.iter().map(|sweep| sweep.rays() as u64).sum()
+        self.sweeps.iter().flatten().map(|part| part.rays() as u64).sum()
     }
 
     /// How many of them hit, or are blocked.
     #[must_use]
     pub fn hits(&self) -> u64 {
-        self.sweeps.iter().map(|sweep| sweep.hits() as u64).sum()
+        self.sweeps.iter().flatten().map(|part| part.hits() as u64).sum()
     }
 }
 
@@ -138,10 +138,7 @@ impl Recording {
         for top in (0..crop.height).step_by(BAND as usize) {
             let mut recorder = Recorder {
                 inner: strategy.begin_sweep(rayset_engine::Recording::Off),
-                sweeps: Pass::ALL.map(|pass| match pass.kind {
-                    RayKind::Shadow => RecordedSweep::Shadow(Vec::new()),
-                    _ => RecordedSweep::Nearest(Vec::new()),
-                }),
+                sweeps: Default::default(),
             };
             pixels.clear();
             ORDER.extend_with_pixels(&mut pixels, crop.width, top..(top + BAND).min(crop.height));
@@ -167,7 +164,15 @@ impl Recording {
 struct Recorder<'s> {
     inner: Box<dyn Tracer + 's>,
     /// By [`Pass::index`].
-    sweeps: [RecordedSweep; Pass::ALL.len()],
+    sweeps: [Vec<RecordedPart>; Pass::ALL.len()],
+}
+
+/// The part of a sweep that the next bundle goes to: another, where the last one is full.
+fn part_of(sweep: &mut Vec<RecordedPart>, empty: RecordedPart) -> Option<&mut RecordedPart> {
+    if sweep.last().is_none_or(|part| part.rays() >= PART) {
+        sweep.push(empty);
+    }
+    sweep.last_mut()
 }
 
 impl Tracer for Recorder<'_> {
@@ -197,8 +202,9 @@ impl Tracer for Recorder<'_> {
             hits.push(*hit);
         }
         for (sweep, bundle) in self.sweeps.iter_mut().zip(bundles) {
-            if let RecordedSweep::Nearest(bundles) = sweep
-                && !bundle.0.is_empty()
+            if !bundle.0.is_empty()
+                && let Some(RecordedPart::Nearest(bundles)) =
+                    part_of(sweep, RecordedPart::Nearest(Vec::new()))
             {
                 bundles.push(bundle);
             }
@@ -210,7 +216,8 @@ impl Tracer for Recorder<'_> {
         self.inner.occluded_bundle(generation, answers);
         let Some(slot) = generation.rays().slots().first() else { return };
         let pass = Pass { kind: RayKind::Shadow, depth: slot.depth() };
-        if let RecordedSweep::Shadow(bundles) = &mut self.sweeps[pass.index()] {
+        let sweep = &mut self.sweeps[pass.index()];
+        if let Some(RecordedPart::Shadow(bundles)) = part_of(sweep, RecordedPart::Shadow(Vec::new())) {
             bundles.push((generation.clone(), answers.values[before..].to_vec()));
         }
     }

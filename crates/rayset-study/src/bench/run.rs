@@ -206,13 +206,18 @@ fn answer(
         let mut worker = contender.worker();
         let (mut busy, mut found) = (Duration::ZERO, Disagreements::default());
         while let Some(sweep) = pass.sweeps.get(next.fetch_add(1, Ordering::Relaxed)) {
-            worker.load(sweep);
             // Not the time of day: what else the machine does would be in it.
             let start = ThreadTime::now();
-            worker.trace(sweep);
+            worker.begin();
             busy += start.elapsed();
-            if is_compared {
-                worker.compare(sweep, &mut found);
+            for part in sweep {
+                worker.load(part);
+                let start = ThreadTime::now();
+                worker.trace(part);
+                busy += start.elapsed();
+                if is_compared {
+                    worker.compare(part, &mut found);
+                }
             }
         }
         (busy, found)
