@@ -159,8 +159,9 @@ pub fn render_observed(
     };
     let order = options.order.unwrap_or_else(|| strategy.preferred_order());
     let bands = order.sweeps(height_of(&canvas.grid), canvas.sweep_length(options.sweep));
+    // Each by itself: few are left at the end, and none should wait behind another.
     #[cfg(feature = "parallel")]
-    let outcome: Result<(), RenderError> = bands.into_par_iter().try_for_each(run);
+    let outcome: Result<(), RenderError> = bands.into_par_iter().with_max_len(1).try_for_each(run);
     #[cfg(not(feature = "parallel"))]
     let outcome: Result<(), RenderError> = bands.into_iter().try_for_each(run);
     outcome?;

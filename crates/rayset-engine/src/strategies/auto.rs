@@ -72,7 +72,7 @@ const DEPTHS: usize = 8;
 /// Rays in bundles are worth it if at least one in so many is answered under a shaft.
 const WORTH: u64 = 12;
 /// After how many generations at most bundles are tried again.
-const LONGEST_WAIT: u32 = 32;
+const LONGEST_WAIT: u32 = 8;
 
 /// How the rays of a kind and depth are traced.
 #[derive(Clone, Copy, Debug, Default)]
@@ -205,16 +205,16 @@ mod tests {
         let mut choice = Choice::default();
         let alone = StageCounts { alone: 100, ..StageCounts::default() };
         let mut tried = Vec::new();
-        for generation in 0..200 {
+        for generation in 0..60 {
             if choice.is_bundled() {
                 tried.push(generation);
                 choice.end(StageCounts::default(), alone);
             }
         }
-        assert_eq!(tried, [0, 2, 5, 10, 19, 36, 69, 102, 135, 168]);
+        assert_eq!(tried, [0, 2, 5, 10, 19, 28, 37, 46, 55]);
         // Once they are worth it, every generation is traced in bundles.
         let together = StageCounts { tiles: 90, alone: 10, ..StageCounts::default() };
-        choice = Choice { wait: 0, next_wait: 32 };
+        choice = Choice { wait: 0, next_wait: 8 };
         for _ in 0..10 {
             assert!(choice.is_bundled());
             choice.end(StageCounts::default(), together);
