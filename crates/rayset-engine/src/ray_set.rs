@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use rayset_geometry::glam::DVec3;
-use rayset_geometry::{Ray, Side, Span, unit};
+use rayset_geometry::{Ray, Side, Span, VectorColumns, unit};
 use rayset_scene::{LightId, Material, Scene};
 
 use crate::query::Columns;
@@ -45,6 +45,8 @@ pub struct RaySets {
     leaving: Vec<Leaving>,
     /// What the hits of a slot refract: their place among them, and the direction.
     refracted: Vec<(usize, DVec3)>,
+    /// From the hits of a slot to a light.
+    to_light: VectorColumns,
     /// Where in the table of light states each shadow ray's answer goes.
     shadow_places: Vec<usize>,
     hits: Answers<Option<Hit>>,
@@ -234,14 +236,27 @@ impl RaySets {
 
     /// The rays that ask for a light, from the hits of a slot.
     fn push_shadow_rays(&mut self, scene: &Scene, slot: Slot, light: LightId) {
-        let Self { leaving, shadow, shadow_places, trees, .. } = self;
+        let Self { leaving, shadow, shadow_places, trees, to_light, .. } = self;
         let (source, n_lights) = (&scene.lights()[light.index()], trees.n_lights);
         shadow.reserve(leaving.len());
         shadow_places.reserve(leaving.len());
-        for Leaving { ray_set, node, start } in &*leaving {
+        to_light.clear();
+        if let Some(position) = source.position() {
+            for Leaving { node, .. } in &*leaving {
+                let hit = trees.nodes[*node as usize].hit.as_ref();
+                to_light.push(hit.map_or(DVec3::ZERO, |(_, surface)| position - surface.point));
+            }
+            to_light.normalize();
+        }
+        for (i, Leaving { ray_set, node, start }) in leaving.iter().enumerate() {
             let Some((hit, surface)) = &trees.nodes[*node as usize].hit else { continue };
-            let Some(illumination) = source.seen_from(surface.point) else { continue };
-            let direction = illumination.direction;
+            // As `Light::seen_from`; zero at the light, from where no side of a surface is lit.
+            let (direction, distance) = if to_light.is_empty() {
+                let Some(illumination) = source.seen_from(surface.point) else { continue };
+                (illumination.direction, illumination.distance)
+            } else {
+                (to_light.get(i), to_light.length(i))
+            };
             // Light reaches a surface from the side of both normals, or not at all.
             if !(surface.normal.dot(direction) > 0.0 && surface.shading_normal.dot(direction) > 0.0) {
                 continue;
@@ -252,7 +267,7 @@ impl RaySets {
                 light,
                 originating: Originating { object: hit.object, primitive: hit.primitive, side: surface.side },
                 ray: Ray::new(surface.point, direction),
-                span: Span { start: *start, end: illumination.distance - start },
+                span: Span { start: *start, end: distance - start },
             });
             shadow_places.push(*node as usize * n_lights + light.index());
         }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use rayset_scene::Color;
 
 use crate::film::Film;
-use crate::sampling::Grid;
+use crate::sampling::{EyeRayMaker, Grid};
 use crate::{
     Crop, EyeRays, Frame, FrameTimes, IntersectionStrategy, Layers, MAX_DEPTH, PixelOrder, RayCounts,
     RaySetIndex, RaySets, Recording, Stats, SweepLength, TreeOptions, shade,
@@ -341,6 +341,7 @@ fn sweep(
     order.extend_with_pixels(&mut places, width, rows.clone());
     let mut radiance = vec![Color::ZERO; places.len()];
     let (mut scratch, mut colors) = (Vec::new(), Vec::new());
+    let mut eye_rays = EyeRayMaker::new(&canvas.grid, scene.camera(), rows.clone());
     let tree_options = TreeOptions { max_depth: options.max_depth, cutoff: options.cutoff };
     let bundle_len = options.bundle_len.unwrap_or_else(|| strategy.preferred_bundle_len());
     // A tree of depth d has fewer than 2^d nodes.
@@ -348,9 +349,8 @@ fn sweep(
     let mut rays_before = 0;
     for (i, bundle) in places.chunks(bundle_len).enumerate() {
         let bundle_start = u32::try_from(i * bundle_len).expect("fewer than 2^32 rays");
-        let rays = bundle.iter().map(|&place| canvas.grid.ray(scene.camera(), place));
-        let trees =
-            ray_sets.grow(scene, tracer.as_mut(), RaySetIndex(first + bundle_start), rays, &tree_options);
+        let first = RaySetIndex(first + bundle_start);
+        let trees = ray_sets.grow(scene, tracer.as_mut(), first, eye_rays.rays(bundle), &tree_options);
         colors.clear();
         shade(trees, scene, &mut scratch, &mut colors);
         for (&(x, y), color) in bundle.iter().zip(&colors) {

@@ -1,6 +1,8 @@
 //! Where the initial rays of an image go, and to which pixel each belongs.
 
-use rayset_geometry::Ray;
+use std::ops::Range;
+
+use rayset_geometry::{Ray, VectorColumns};
 use rayset_scene::{Camera, Color};
 
 /// Where initial rays pass through the image.
@@ -34,6 +36,44 @@ pub struct Crop {
     pub width: u32,
     /// Rows; at least 1.
     pub height: u32,
+}
+
+/// Makes the rays of some rows of a grid.
+#[derive(Clone, Debug)]
+pub(crate) struct EyeRayMaker<'c> {
+    camera: &'c Camera,
+    /// How far to the right the rays of each column go, and up those of each row from the first: see [`Camera::tangents`].
+    right: Vec<f64>,
+    up: Vec<f64>,
+    first_row: u32,
+    directions: VectorColumns,
+}
+
+impl<'c> EyeRayMaker<'c> {
+    pub(crate) fn new(grid: &Grid, camera: &'c Camera, rows: Range<u32>) -> Self {
+        let (width, height) = grid.image;
+        let columns = 0..u32::try_from(grid.width()).expect("fewer than 2^32 rays");
+        let right = |x| camera.tangents(grid.place(x, grid.crop.x), 0.0, width, height).0;
+        let up = |y| camera.tangents(0.0, grid.place(y, grid.crop.y), width, height).1;
+        Self {
+            camera,
+            right: columns.map(right).collect(),
+            up: rows.clone().map(up).collect(),
+            first_row: rows.start,
+            directions: VectorColumns::default(),
+        }
+    }
+
+    /// The rays at some places of the grid, with the bits of [`Camera::ray`].
+    pub(crate) fn rays(&mut self, places: &[(u32, u32)]) -> impl Iterator<Item = Ray> {
+        let Self { camera, right, up, first_row, directions } = self;
+        directions.clear();
+        for &(x, y) in places {
+            directions.push(camera.towards((right[x as usize], up[(y - *first_row) as usize])));
+        }
+        directions.normalize();
+        (0..places.len()).map(|i| Ray::new(camera.viewpoint(), directions.get(i)))
+    }
 }
 
 /// The grid of initial rays of a crop of an image.
@@ -71,15 +111,14 @@ impl Grid {
         }
     }
 
-    /// The ray at a place of the grid.
-    pub(crate) fn ray(&self, camera: &Camera, (x, y): (u32, u32)) -> Ray {
-        let place = |ray: u32, first: u32| match self.eye_rays {
+    /// Where a column or row of rays passes through the image, by the crop's first.
+    fn place(&self, ray: u32, first: u32) -> f64 {
+        match self.eye_rays {
             EyeRays::Centers { samples } => {
                 (f64::from(first) * f64::from(samples) + f64::from(ray) + 0.5) / f64::from(samples)
             }
             EyeRays::Corners => f64::from(first + ray),
-        };
-        camera.ray(place(x, self.crop.x), place(y, self.crop.y), self.image.0, self.image.1)
+        }
     }
 
     /// The pixel of the crop that counts the ray as its own, and whether it is the pixel's first.
@@ -125,12 +164,29 @@ mod tests {
         Grid { image: (8, 6), crop: Crop { x: 2, y: 1, width: 3, height: 2 }, eye_rays }
     }
 
+    fn rays(grid: &Grid, camera: &Camera, place: (u32, u32)) -> Ray {
+        EyeRayMaker::new(grid, camera, place.1..place.1 + 1).rays(&[place]).next().unwrap()
+    }
+
+    #[test]
+    fn rays_of_a_grid_have_the_bits_of_the_camera() {
+        let camera = Camera::new(DVec3::new(0.3, -2.0, 7.0), DVec3::ZERO, DVec3::Y, 37.0).unwrap();
+        let whole = Crop { x: 0, y: 0, width: 37, height: 11 };
+        let grid = Grid { image: (37, 11), crop: whole, eye_rays: EyeRays::Centers { samples: 3 } };
+        let mut maker = EyeRayMaker::new(&grid, &camera, 6..33);
+        let places: Vec<_> = (6..33).flat_map(|y| (0..111).map(move |x| (x, y))).collect();
+        for (ray, &(x, y)) in maker.rays(&places).zip(&places) {
+            let at = |i: u32| (f64::from(i) + 0.5) / 3.0;
+            assert_eq!(ray, camera.ray(at(x), at(y), 37, 11));
+        }
+    }
+
     #[test]
     fn corners_are_one_more_each_way_and_shared() {
         let corners = grid(EyeRays::Corners);
         assert_eq!((corners.width(), corners.height()), (4, 3));
         let camera = Camera::default();
-        assert_eq!(corners.ray(&camera, (1, 2)), camera.ray(3.0, 3.0, 8, 6));
+        assert_eq!(rays(&corners, &camera, (1, 2)), camera.ray(3.0, 3.0, 8, 6));
         assert_eq!(corners.owner((2, 1)), Some((5, true)));
         assert_eq!(corners.owner((3, 1)), None);
         let radiance: Vec<Color> = (0..12).map(|i| DVec3::splat(f64::from(i))).collect();
@@ -142,7 +198,7 @@ mod tests {
         let fine = grid(EyeRays::Centers { samples: 2 });
         assert_eq!((fine.width(), fine.height()), (6, 4));
         let camera = Camera::default();
-        assert_eq!(fine.ray(&camera, (1, 2)), camera.ray(2.75, 2.25, 8, 6));
+        assert_eq!(rays(&fine, &camera, (1, 2)), camera.ray(2.75, 2.25, 8, 6));
         assert_eq!(fine.owner((3, 2)), Some((4, false)));
         assert_eq!(fine.owner((2, 2)), Some((4, true)));
         let radiance: Vec<Color> = (0..24).map(|i| DVec3::splat(f64::from(i))).collect();
@@ -152,6 +208,6 @@ mod tests {
     #[test]
     fn crop_shows_the_rays_of_the_whole_image() {
         let camera = Camera::default();
-        assert_eq!(grid(EyeRays::default()).ray(&camera, (0, 1)), camera.ray(2.5, 2.5, 8, 6));
+        assert_eq!(rays(&grid(EyeRays::default()), &camera, (0, 1)), camera.ray(2.5, 2.5, 8, 6));
     }
 }

@@ -32,6 +32,7 @@ mod side;
 mod span;
 mod sphere;
 mod triangle;
+mod vectors;
 
 pub use bounding::{BoundingSphere, enclosing_sphere};
 pub use bounding_box::BoundingBox;
@@ -52,6 +53,7 @@ pub use side::{Side, Sides};
 pub use span::Span;
 pub use sphere::Sphere;
 pub use triangle::Triangle;
+pub use vectors::VectorColumns;
 
 /// The examples of the readme, compiled.
 #[cfg(doctest)]

@@ -1,5 +1,7 @@
 //! Rays.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 /// A half-line: the paper's anchor and direction vector.
@@ -56,6 +58,9 @@ impl Ray {
     }
 }
 
+/// The squares of lengths that neither overflow nor lose bits.
+pub(crate) const UNIT_RANGE: Range<f64> = 1e-200..1e200;
+
 /// The vector scaled to unit length; `None` for the zero vector and for one that is not finite.
 ///
 /// Neither overflows nor underflows: a vector out of the middle range is scaled by its largest component first.
@@ -63,7 +68,7 @@ impl Ray {
 #[inline]
 pub fn unit(vector: DVec3) -> Option<DVec3> {
     let squared = vector.length_squared();
-    if (1e-200..1e200).contains(&squared) {
+    if UNIT_RANGE.contains(&squared) {
         return Some(vector / squared.sqrt());
     }
     let largest = vector.abs().max_element();

@@ -107,11 +107,28 @@ impl Camera {
     #[must_use]
     #[inline]
     pub fn ray(&self, x: f64, y: f64, width: u32, height: u32) -> Ray {
+        let direction = self.towards(self.tangents(x, y, width, height));
+        Ray::new(self.from, unit(direction).unwrap_or(self.forward))
+    }
+
+    /// How far to the right and up a point of the image lies, seen from the viewpoint, at a distance of one unit: the
+    /// first depends on `x` alone, the second on `y` alone. The point is that of [`Camera::ray`].
+    #[must_use]
+    #[inline]
+    pub fn tangents(&self, x: f64, y: f64, width: u32, height: u32) -> (f64, f64) {
         let (width, height) = (f64::from(width), f64::from(height));
         let right = (2.0 * x - width) / height * self.half_height;
         let up = (height - 2.0 * y) / height * self.half_height;
-        let direction = self.forward + right * self.right + up * self.up;
-        Ray::new(self.from, unit(direction).unwrap_or(self.forward))
+        (right, up)
+    }
+
+    /// The vector from the viewpoint to a point that lies so far to the right and up, at a distance of one unit.
+    ///
+    /// [`Camera::ray`] goes along it; rays of a grid can share their tangents, and be scaled to unit length together.
+    #[must_use]
+    #[inline]
+    pub fn towards(&self, (right, up): (f64, f64)) -> DVec3 {
+        self.forward + right * self.right + up * self.up
     }
 }
 
