@@ -330,12 +330,12 @@ impl<const W: usize> Wide<W> {
     ) {
         let n = len.div_ceil(W);
         let approach = Approach::of(frame, rays, first..first + len);
-        let mut packets = Vec::with_capacity(W);
-        for p in 0..n {
-            let (first, len) = (first + p * W, (len - p * W).min(W));
-            packets.push(Packet::<S, W>::new(simd, frame, rays, first, len, &approach));
+        let mut packets = [Packet::<S, W>::none(simd); W];
+        let packets = &mut packets[..n];
+        for (p, packet) in packets.iter_mut().enumerate() {
+            packet.take(simd, frame, rays, (first + p * W, (len - p * W).min(W)), &approach);
         }
-        let Some(unit) = level(simd, frame, &mut packets, &approach) else {
+        let Some(unit) = level(simd, frame, packets, &approach) else {
             scratch.classes[class].tiles.end(PACKET_STEPS * n as u64, 0);
             self.alone::<S, L, false>(simd, frame, rays, first..first + len, class, list, scratch);
             return;
@@ -345,9 +345,9 @@ impl<const W: usize> Wide<W> {
         // Packets have to be made without a tile too.
         let making = PACKET_STEPS * n as u64;
         let (mut is_done, mut spent, mut worth) = (false, making, making);
-        if let Some(shaft) = Shaft::around(simd, &mut packets, unit) {
+        if let Some(shaft) = Shaft::around(simd, packets, unit) {
             let most = scratch.classes[class].steps(len);
-            let (packets, asked, scratch) = (&mut packets[..], &mut asked[..], &mut scratch.single);
+            let (packets, asked, scratch) = (&mut *packets, &mut asked[..], &mut scratch.single);
             let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
             let descent = Descent { shaft, packets, asked, tree, exact, most, scratch };
             let outcome = simd.outline(OfTile(descent));
@@ -393,7 +393,8 @@ impl<const W: usize> Wide<W> {
                 continue;
             }
             let approach = Approach::of(frame, rays, first..first + len);
-            let mut packet = [Packet::<S, W>::new(simd, frame, rays, first, len, &approach)];
+            let mut packet = [Packet::<S, W>::none(simd)];
+            packet[0].take(simd, frame, rays, (first, len), &approach);
             let Some(unit) = level(simd, frame, &mut packet, &approach) else {
                 scratch.classes[class].packets.end(PACKET_STEPS, 0);
                 continue;

@@ -182,8 +182,30 @@ pub(crate) fn narrow<S: Simd, const W: usize>(
 }
 
 impl<S: Simd, const W: usize> Packet<S, W> {
-    /// The rays of columns from `first` on: 1 to `W` of them.
+    /// Without rays; there are `W` of these where packets are made, in their place.
     #[inline(always)]
+    pub(crate) fn none(simd: S) -> Self {
+        let zero = simd.splat_f32(0.0);
+        Self {
+            first: 0,
+            len: 0,
+            advance: 0.0,
+            origin: [zero; 3],
+            direction: [zero; 3],
+            factors: [zero; 3],
+            sheared: [zero; 3],
+            start: zero,
+            start_above: zero,
+            end_below: zero,
+            ends: zero,
+            left: [NOBODY; W],
+            left_front: 0,
+            leaves: false,
+        }
+    }
+
+    /// The rays of columns from `first` on: 1 to `W` of them.
+    #[cfg(test)]
     pub(crate) fn new(
         simd: S,
         frame: &Frame,
@@ -192,48 +214,49 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         len: usize,
         approach: &Approach,
     ) -> Self {
+        let mut packet = Self::none(simd);
+        packet.take(simd, frame, rays, (first, len), approach);
+        packet
+    }
+
+    /// Takes rays of columns from `first` on: 1 to `W` of them.
+    #[inline(always)]
+    pub(crate) fn take(
+        &mut self,
+        simd: S,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        (first, len): (usize, usize),
+        approach: &Approach,
+    ) {
         let advance = approach.advance;
         let moved = advance > 0.0;
         let zero = simd.splat_f32(0.0);
-        let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
         let place = (first, len);
         for k in 0..3 {
             let along = moved.then_some((rays.directions[k], advance));
             let column = rays.origins[k];
-            origin[k] = narrow::<S, W>(simd, column, place, (frame.center[k], frame.scale), along);
-            direction[k] = narrow::<S, W>(simd, rays.directions[k], place, (0.0, 1.0), None);
+            self.origin[k] = narrow::<S, W>(simd, column, place, (frame.center[k], frame.scale), along);
+            self.direction[k] = narrow::<S, W>(simd, rays.directions[k], place, (0.0, 1.0), None);
         }
         // Spans begin where the origins now are.
         let back = moved.then_some((&[][..], advance));
         let starts = narrow::<S, W>(simd, rays.spans.0, place, (0.0, frame.scale), back).max(zero);
         let ends = narrow::<S, W>(simd, rays.spans.1, place, (0.0, frame.scale), back);
         let is_ray = simd.mask_f32(u32::MAX >> (32 - len));
-        let (mut left, mut left_front) = ([NOBODY; W], 0);
-        let leaves = !rays.left.is_empty();
-        if leaves {
+        self.leaves = !rays.left.is_empty();
+        if self.leaves {
+            (self.left, self.left_front) = ([NOBODY; W], 0);
             for (lane, departure) in rays.left[first..first + len].iter().enumerate() {
                 if let Some((primitive, side)) = *departure {
-                    left[lane] = primitive;
-                    left_front |= u32::from(side == Side::Front) << lane;
+                    self.left[lane] = primitive;
+                    self.left_front |= u32::from(side == Side::Front) << lane;
                 }
             }
         }
-        Self {
-            first,
-            len,
-            advance,
-            origin,
-            direction,
-            factors: [zero; 3],
-            sheared: [zero; 3],
-            start: starts,
-            start_above: starts,
-            end_below: ends,
-            ends: ends.min(simd.splat_f32(1e30)).select(is_ray, simd.splat_f32(NOWHERE)),
-            left,
-            left_front,
-            leaves,
-        }
+        (self.first, self.len, self.advance) = (first, len, advance);
+        (self.start, self.end_below) = (starts, ends);
+        self.ends = ends.min(simd.splat_f32(1e30)).select(is_ray, simd.splat_f32(NOWHERE));
     }
 
     /// Prepares its rays for boxes, whose planes are moved outwards by [`SLAB_MARGIN`] of a unit.

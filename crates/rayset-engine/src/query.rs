@@ -266,6 +266,21 @@ impl Generation {
     }
 }
 
+/// How many values are equal to the first, from there on.
+#[inline]
+pub(crate) fn run_len<T: PartialEq>(values: &[T]) -> usize {
+    let Some(first) = values.first() else { return 0 };
+    let mut n = 0;
+    // Many at a time: without a way out in between, they are compared in lanes.
+    for values in values.chunks_exact(32) {
+        if !values.iter().fold(true, |are_equal, value| are_equal & (value == first)) {
+            break;
+        }
+        n += 32;
+    }
+    n + values[n..].iter().take_while(|value| *value == first).count()
+}
+
 /// The columns of a generation, cut to one length, for loops that want few of them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Columns<'a> {

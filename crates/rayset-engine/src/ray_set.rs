@@ -7,7 +7,7 @@ use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Side, Span, VectorColumns, unit};
 use rayset_scene::{LightId, Material, Scene};
 
-use crate::query::Columns;
+use crate::query::{Columns, run_len};
 use crate::{
     Answers, Branch, ByKind, Generation, Hit, IntersectionTrees, LightState, MAX_DEPTH, Node, Originating,
     RayCounts, RayKind, RayQuery, RaySetIndex, Recording, ShadowGeneration, ShadowQuery, Slot, Surface,
@@ -154,8 +154,7 @@ impl RaySets {
         self.trees.lights.resize(self.trees.nodes.len() * self.trees.n_lights, LightState::FacesAway);
         let mut start = 0;
         while start < self.generation.len() {
-            let slots = &self.generation.slots()[start..];
-            let end = start + slots.iter().take_while(|slot| **slot == slots[0]).count();
+            let end = start + run_len(&self.generation.slots()[start..]);
             self.grow_slot(scene, start..end, base, options);
             start = end;
         }

@@ -12,6 +12,7 @@ use rayset_scene::{LightId, ObjectId, Scene};
 use rayset_simd::Backend;
 
 use super::hierarchical::{Left, hierarchy_of, hit_of, objects_of};
+use crate::query::run_len;
 use crate::{
     Answers, Generation, Hit, IntersectionStrategy, PixelOrder, QueryWork, RayKind, RayQuery, Recording,
     ShadowGeneration, ShadowQuery, Slot, StageCounts, Stats, Tracer, Work,
@@ -169,12 +170,11 @@ enum Places<'a> {
 impl Places<'_> {
     /// How many rays from `first` on correspond: those of a slot, and of a light.
     fn group(&self, slots: &[Slot], first: usize) -> usize {
-        let slot = slots[first];
-        let same = |i: &usize| match self {
-            Self::Hits(_) => slots[*i] == slot,
-            Self::Occluded(_, lights) => slots[*i] == slot && lights[*i] == lights[first],
-        };
-        (first..slots.len()).take_while(same).count()
+        let n = run_len(&slots[first..]);
+        match self {
+            Self::Hits(_) => n,
+            Self::Occluded(_, lights) => run_len(&lights[first..first + n]),
+        }
     }
 }
 
