@@ -60,13 +60,21 @@ impl PixelOrder {
             ),
             Self::Tiles(size) | Self::Morton(size) => {
                 let size = size.max(1);
+                // The curve of a tile of full size, which nearly all are.
+                let mut whole = Vec::new();
+                if matches!(self, Self::Morton(_)) && size <= width && size <= rows.end - rows.start {
+                    push_along_curve(&mut whole, (0..size, 0..size));
+                }
                 for tile_y in rows.clone().step_by(size as usize) {
                     for tile_x in (0..width).step_by(size as usize) {
                         let (end_x, end_y) = (
                             tile_x.saturating_add(size).min(width),
                             tile_y.saturating_add(size).min(rows.end),
                         );
-                        if matches!(self, Self::Morton(_)) {
+                        let is_whole = end_x - tile_x == size && end_y - tile_y == size;
+                        if matches!(self, Self::Morton(_)) && is_whole {
+                            pixels.extend(whole.iter().map(|(x, y)| (tile_x + x, tile_y + y)));
+                        } else if matches!(self, Self::Morton(_)) {
                             push_along_curve(pixels, (tile_x..end_x, tile_y..end_y));
                         } else {
                             pixels.extend((tile_y..end_y).flat_map(|y| (tile_x..end_x).map(move |x| (x, y))));

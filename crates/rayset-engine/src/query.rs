@@ -1,5 +1,7 @@
 //! The questions a strategy answers, and their answers.
 
+use std::iter::repeat_n;
+
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Side, Span};
 use rayset_scene::{LightId, ObjectId, PrimitiveId};
@@ -253,6 +255,20 @@ impl Generation {
         }
         self.starts.push(query.span.start);
         self.ends.push(query.span.end);
+    }
+
+    /// Adds the initial rays of the ray-sets from `first` on, column by column.
+    pub(crate) fn extend_initial(&mut self, first: RaySetIndex, rays: &[Ray]) {
+        let n = rays.len();
+        self.ray_sets.extend((first.0..).take(n).map(RaySetIndex));
+        self.slots.extend(repeat_n(Slot::ROOT, n));
+        self.originating.extend(repeat_n(None, n));
+        for k in 0..3 {
+            self.origins[k].extend(rays.iter().map(|ray| ray.origin()[k]));
+            self.directions[k].extend(rays.iter().map(|ray| ray.direction()[k]));
+        }
+        self.starts.extend(repeat_n(Span::FORWARD.start, n));
+        self.ends.extend(repeat_n(Span::FORWARD.end, n));
     }
 
     /// Removes all rays and keeps the memory.

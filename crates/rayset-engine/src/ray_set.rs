@@ -38,6 +38,7 @@ pub struct TreeOptions {
 #[derive(Debug, Default)]
 pub struct RaySets {
     trees: IntersectionTrees,
+    initial_rays: Vec<Ray>,
     generation: Generation,
     next: Generation,
     shadow: ShadowGeneration,
@@ -115,13 +116,12 @@ impl RaySets {
         self.trees.lights.clear();
         self.trees.n_lights = scene.lights().len();
         self.generation.clear();
-        for (i, ray) in initial_rays.into_iter().enumerate() {
-            let i = u32::try_from(i).expect("fewer than 2^32 ray-sets");
-            let ray_set = RaySetIndex(first.0 + i);
-            let query = RayQuery { ray_set, slot: Slot::ROOT, originating: None, ray, span: Span::FORWARD };
-            self.generation.push(&query);
-            self.trees.nodes.push(node(i, Slot::ROOT, ray.direction(), 1.0));
-        }
+        self.initial_rays.clear();
+        self.initial_rays.extend(initial_rays);
+        assert!(u32::try_from(self.initial_rays.len()).is_ok(), "fewer than 2^32 ray-sets");
+        self.generation.extend_initial(first, &self.initial_rays);
+        let roots = (0..).zip(&self.initial_rays).map(|(i, ray)| node(i, Slot::ROOT, ray.direction(), 1.0));
+        self.trees.nodes.extend(roots);
         self.tallies.clear();
         if tracer.recording() == Recording::PerQuery {
             self.tallies.resize(self.generation.len(), RaySetTally::default());
