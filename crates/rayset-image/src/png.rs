@@ -1,6 +1,7 @@
 //! PNG files for looking at, and the steps from linear radiance to bytes.
 
 use std::path::Path;
+use std::sync::OnceLock;
 
 use ::image::{ExtendedColorType, ImageEncoder as _, codecs::png::PngEncoder};
 
@@ -85,7 +86,8 @@ pub fn to_srgb8(image: &Image, exposure_ev: f64) -> Result<Vec<[u8; 3]>, ImageEr
         image.channel(name).ok_or_else(missing)?.floats()
     };
     let (red, green, blue) = (plane("R")?, plane("G")?, plane("B")?);
-    let byte = |sample: f32| srgb_byte(f64::from(sample) * scale);
+    let steps = SrgbSteps::get();
+    let byte = |sample: f32| steps.byte(f64::from(sample) * scale);
     Ok(red
         .iter()
         .zip(green)
@@ -94,8 +96,58 @@ pub fn to_srgb8(image: &Image, exposure_ev: f64) -> Result<Vec<[u8; 3]>, ImageEr
         .collect())
 }
 
+/// Where the transfer goes from one byte to the next: a look instead of a power a sample.
+struct SrgbSteps {
+    /// The least numbers that become 1, 2, ... 255.
+    least: [f64; 255],
+    /// How many of them are no greater than the beginning of each of equal parts of the range.
+    passed: [u8; PARTS],
+}
+
+/// So many that hardly two steps lie in one.
+const PARTS: usize = 4096;
+
+impl SrgbSteps {
+    fn get() -> &'static Self {
+        static STEPS: OnceLock<SrgbSteps> = OnceLock::new();
+        STEPS.get_or_init(|| {
+            let least = std::array::from_fn(|i| {
+                // Numbers that are not negative are ordered as their bits are.
+                let (mut below, mut above) = (0, 1.0_f64.to_bits());
+                while above - below > 1 {
+                    let middle = below + (above - below) / 2;
+                    let is_passed = usize::from(srgb_byte(f64::from_bits(middle))) > i;
+                    (below, above) = if is_passed { (below, middle) } else { (middle, above) };
+                }
+                f64::from_bits(above)
+            });
+            let passed = |part: usize| {
+                let begin = part as f64 / PARTS as f64;
+                u8::try_from(least.iter().filter(|&&least: &&f64| least <= begin).count()).unwrap_or(u8::MAX)
+            };
+            Self { least, passed: std::array::from_fn(passed) }
+        })
+    }
+
+    /// The byte of a number.
+    fn byte(&self, linear: f64) -> u8 {
+        // NaN is not above zero.
+        let linear = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "from 0 to the number of parts"
+        )]
+        let part = ((linear * PARTS as f64) as usize).min(PARTS - 1);
+        let mut byte = self.passed[part];
+        while self.least.get(usize::from(byte)).is_some_and(|&least| least <= linear) {
+            byte += 1;
+        }
+        byte
+    }
+}
+
 fn srgb_byte(linear: f64) -> u8 {
-    let linear = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0) };
     let encoded =
         if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 };
     #[expect(
@@ -158,6 +210,20 @@ mod tests {
             let byte = srgb_byte(f64::from(step) / 100_000.0);
             assert!(byte >= last);
             last = byte;
+        }
+    }
+
+    #[test]
+    fn steps_are_those_of_the_transfer() {
+        let steps = SrgbSteps::get();
+        for step in 0..=1_000_000_u32 {
+            let linear = f64::from(step) / 1_000_000.0;
+            assert_eq!(steps.byte(linear), srgb_byte(linear), "{linear}");
+        }
+        for &least in &steps.least {
+            for linear in [least.next_down(), least, least.next_up().min(1.0)] {
+                assert_eq!(steps.byte(linear), srgb_byte(linear), "{linear}");
+            }
         }
     }
 
