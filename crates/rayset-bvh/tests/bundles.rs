@@ -48,6 +48,10 @@ fn together(hierarchy: &Hierarchy, list: &List) -> (Vec<Option<Hit>>, Vec<bool>,
     let mut scratch = hierarchy.bundle_scratch();
     hierarchy.nearest_bundle(&rays, 0..n, 0, &mut hits, &mut scratch);
     hierarchy.occluded_bundle(&rays, 0..n, 1, &mut occluded, &mut scratch);
+    let (mut each_hits, mut each_occluded) = (vec![Some(Hit { t: 0.0, primitive: 0 }); n], vec![true; n]);
+    hierarchy.nearest_each(&rays, &mut each_hits, &mut scratch.single);
+    hierarchy.occluded_each(&rays, &mut each_occluded, &mut scratch.single);
+    assert!(each_hits == hits && each_occluded == occluded, "one by one as together");
     (hits, occluded, scratch.bundled)
 }
 

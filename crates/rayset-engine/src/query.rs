@@ -442,6 +442,21 @@ mod tests {
     use super::*;
 
     #[test]
+    fn runs_end_where_a_value_differs() {
+        assert_eq!(run_len::<u8>(&[]), 0);
+        for len in [1, 2, 31, 32, 33, 64, 100] {
+            for run in 1..=len {
+                let mut values = vec![7; run];
+                values.resize(len, 8);
+                assert_eq!(run_len(&values), run, "of {len}");
+                // What is equal again after another value does not count.
+                values.extend([7; 40]);
+                assert_eq!(run_len(&values), if run == len { len + 40 } else { run });
+            }
+        }
+    }
+
+    #[test]
     fn slots_number_the_tree_like_a_heap() {
         assert_eq!(Slot::ROOT.depth(), 1);
         assert_eq!(Slot::ROOT.kind(), RayKind::Initial);
