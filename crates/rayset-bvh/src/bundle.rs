@@ -11,6 +11,7 @@ use rayset_simd::Simd;
 use crate::descent::{Descent, OfPacket, OfTile};
 use crate::each::{AnyHit, NearestHit, OfRay, Rays};
 use crate::exact::Exact;
+use crate::few::OfFew;
 use crate::frame::Frame;
 use crate::hierarchy::{Hierarchy, Scratch, Task, Wide};
 use crate::packet::{Approach, Packet, RayColumns, level};
@@ -192,7 +193,7 @@ trait List {
     /// What a packet asks for.
     type Asked<S: Simd, const W: usize>: Question<S, W>;
     /// What a ray by itself asks for.
-    type OfRay: OfRay + Default;
+    type OfRay: OfFew + Default;
 
     /// Where the answers go.
     fn places(&mut self) -> &mut [<Self::OfRay as OfRay>::Answer];
@@ -272,6 +273,10 @@ impl<const W: usize> Wide<W> {
         scratch: &mut BundleScratch,
     ) {
         let class = class % N_CLASSES;
+        if !self.few.is_empty() {
+            self.alone::<S, L, false>(simd, frame, rays, range, class, &mut list, scratch);
+            return;
+        }
         let suits = self.shapes.suits_packets();
         let mut first = range.start;
         while first < range.end {

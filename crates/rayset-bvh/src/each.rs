@@ -7,6 +7,7 @@ use rayset_geometry::{Departure, PrimitiveKind, Ray, Span};
 use rayset_simd::{Part, Simd};
 
 use crate::exact::{Departing, Sure};
+use crate::few::{EachOfFew, OfFew};
 use crate::frame::Frame;
 use crate::hierarchy::{Scratch, Wide};
 use crate::packet::RayColumns;
@@ -185,7 +186,7 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
 impl<const W: usize> Wide<W> {
     /// Answers rays one by one.
     #[inline(always)]
-    pub(crate) fn each<S: Simd, Q: OfRay, const KNOWN: bool>(
+    pub(crate) fn each<S: Simd, Q: OfFew, const KNOWN: bool>(
         &self,
         simd: S,
         frame: &Frame,
@@ -193,7 +194,14 @@ impl<const W: usize> Wide<W> {
         rays: Rays<'_, Q::Answer, KNOWN>,
         scratch: &mut Scratch,
     ) {
-        if self.shapes.is_only(PrimitiveKind::Sphere) {
+        if !self.few.is_empty() {
+            let Rays { columns, range, places } = rays;
+            let columns = columns.cut(0..columns.len());
+            let n = range.len() as u64;
+            scratch.steps.leaves += n;
+            scratch.primitive_tests += n * self.few.len() as u64;
+            simd.outline(EachOfFew { spheres: &self.few, question, columns, range, places });
+        } else if self.shapes.is_only(PrimitiveKind::Sphere) {
             let content = PhantomData::<OnlySpheres>;
             simd.outline(Each { content, wide: self, frame, question, rays, scratch });
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {

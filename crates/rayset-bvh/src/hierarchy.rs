@@ -9,8 +9,9 @@ use rayset_simd::{Backend, ByLanes, Kernel, Simd};
 
 use crate::build::{Reference, build};
 use crate::duplicates::superfluous;
-use crate::each::{AnyHit, NearestHit, OfRay, Rays, Traced};
+use crate::each::{AnyHit, NearestHit, Rays, Traced};
 use crate::fans::fan_len;
+use crate::few::{FewSphere, OfFew};
 use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::CullRay;
@@ -216,6 +217,8 @@ fn weight<const W: usize>(columns: &PrimitiveColumns, kind: PrimitiveKind, index
 pub(crate) struct Wide<const W: usize> {
     pub(crate) tree: Tree<W>,
     pub(crate) shapes: Shapes<W>,
+    /// All there is, if that is few spheres.
+    pub(crate) few: Vec<FewSphere>,
 }
 
 impl<const W: usize> Wide<W> {
@@ -234,7 +237,8 @@ impl<const W: usize> Wide<W> {
         let (mut tree, leaves) = build::<W>(&mut references, W);
         let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, &references, &leaves);
         tree.relabel_leaves(&leaf_runs);
-        Self { tree, shapes }
+        let few = shapes.few_spheres();
+        Self { tree, shapes, few }
     }
 
     /// Whether a ray needs a shear.
@@ -472,14 +476,14 @@ impl Task for OccludedOf<'_> {
     }
 }
 
-struct OfEach<'a, Q: OfRay> {
+struct OfEach<'a, Q: OfFew> {
     question: Q,
     rays: &'a RayColumns<'a>,
     places: &'a mut [Q::Answer],
     scratch: &'a mut Scratch,
 }
 
-impl<Q: OfRay> Task for OfEach<'_, Q> {
+impl<Q: OfFew> Task for OfEach<'_, Q> {
     type Output = ();
     #[inline(always)]
     fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) {

@@ -26,6 +26,7 @@ mod duplicates;
 mod each;
 mod exact;
 mod fans;
+mod few;
 mod frame;
 mod hierarchy;
 mod interval;

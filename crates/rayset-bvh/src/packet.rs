@@ -241,9 +241,11 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         }
         // Spans begin where the origins now are.
         let back = moved.then_some((&[][..], advance));
-        let starts = narrow::<S, W>(simd, rays.spans.0, place, (0.0, frame.scale), back).max(zero);
+        let starts = narrow::<S, W>(simd, rays.spans.0, place, (0.0, frame.scale), back);
         let ends = narrow::<S, W>(simd, rays.spans.1, place, (0.0, frame.scale), back);
-        let is_ray = simd.mask_f32(u32::MAX >> (32 - len));
+        // Nothing is between NaN and anything.
+        let is_ray = simd.mask_f32(u32::MAX >> (32 - len)) & starts.le(ends);
+        let starts = starts.max(zero);
         self.leaves = !rays.left.is_empty();
         if self.leaves {
             (self.left, self.left_front) = ([NOBODY; W], 0);

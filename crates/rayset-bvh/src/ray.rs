@@ -178,9 +178,12 @@ impl<const W: usize> CullRays<W> {
             origin[k] = narrow_some::<S, W>(simd, rays.origins[k], place, moved);
             direction[k] = narrow_some::<S, W>(simd, rays.directions[k], place, (0.0, 1.0));
         }
-        // What lies behind an origin is no hit.
-        let mut start = narrow_some::<S, W>(simd, rays.spans.0, place, (0.0, frame.scale)).max(zero);
+        let start = narrow_some::<S, W>(simd, rays.spans.0, place, (0.0, frame.scale));
         let mut end = narrow_some::<S, W>(simd, rays.spans.1, place, (0.0, frame.scale));
+        // Nothing is between NaN and anything.
+        let is_span = start.le(end);
+        // What lies behind an origin is no hit.
+        let mut start = start.max(zero);
         let largest = |[x, y, z]: [S::F32; 3]| x.abs().max(y.abs()).max(z.abs());
         let mut size = largest(origin);
         let mut hit_slack = hit_slack(simd, frame, size);
@@ -200,6 +203,7 @@ impl<const W: usize> CullRays<W> {
             size = largest(origin);
             hit_slack = simd.load_f32(&near.hit_slacks);
         }
+        self.lost |= (!is_span).bits();
         let unit = (one + size) * simd.splat_f32(SINGLE) + hit_slack;
         unit.store(&mut self.unit);
         // As `round_up` and `round_down` do.
@@ -296,7 +300,7 @@ impl<const W: usize> CullRays<W> {
         near
     }
 
-    /// A ray; `None` if it is so far off that it cannot hit anything.
+    /// A ray; `None` if it is so far off, or its span such, that it cannot hit anything.
     #[inline(always)]
     pub(crate) fn ray(&self, lane: usize) -> Option<CullRay> {
         if self.lost >> lane & 1 == 1 {

@@ -77,7 +77,7 @@ pub(crate) struct Run {
     pub(crate) sides: Sides,
     /// Whether the leaf goes on with the next run.
     pub(crate) goes_on: bool,
-    len: u16,
+    pub(crate) len: u16,
     /// The index of the first among those of its kind.
     pub(crate) first: u32,
     /// The index of the block, unless it is [`NO_BLOCK`].

@@ -400,3 +400,42 @@ fn senseless_rays_hit_nothing_and_spans_may_be_anything() {
     }
     check("senseless", &primitives, &queries);
 }
+
+/// So few spheres that there is no tree to go through; and one more, and two.
+#[test]
+fn few_spheres_answer_like_a_loop() {
+    let mut hits = 0;
+    for seed in 0..120 {
+        let mut dice = Dice(ChaCha8Rng::seed_from_u64(seed));
+        let place = dice.pick(&PLACES);
+        let mut spheres: Vec<(DVec3, f64)> = Vec::new();
+        for i in 0..=dice.below(10) {
+            // Some coincide with another, or have its centre.
+            let (center, radius) = (dice.point(), dice.between(0.0, 1.0));
+            spheres.push(match dice.below(4) {
+                0 if i > 0 => dice.pick(&spheres),
+                1 if i > 0 => (dice.pick(&spheres).0, radius),
+                _ => (center, radius),
+            });
+        }
+        let primitives: Primitives =
+            spheres.iter().map(|&(c, r)| (place.sphere(c, r), dice.sides())).collect();
+        let queries: Vec<Query> = (0..dice.below(70))
+            .map(|_| {
+                let (from, target) = (2.0 * dice.point(), dice.pick(&spheres));
+                let target = target.0 + dice.pick(&[0.0, 1.0, 1.0 - 1e-9]) * target.1 * dice.direction();
+                let origin = place.point(if dice.below(4) == 0 { target } else { from });
+                let direction = unit(place.point(target) - origin).unwrap_or(dice.direction());
+                let ray = Ray::new(origin, direction);
+                let hit = nearest(&primitives, &ray.into()).map_or(1.0, |hit| hit.t);
+                let end = dice.pick(&[f64::INFINITY, hit, hit.next_up(), 0.5 * hit, f64::NAN]);
+                let start = dice.pick(&[0.0, 0.0, -0.0, -hit, 0.5 * hit, hit, f64::NAN]);
+                let number = u32::try_from(dice.below(primitives.len())).unwrap();
+                let from = (dice.below(2) == 0).then(|| (number, dice.side()));
+                Query { ray, span: Span { start, end }, from }
+            })
+            .collect();
+        hits += check(&format!("seed {seed}, {} spheres", primitives.len()), &primitives, &queries);
+    }
+    assert!(hits > 500, "{hits} hits");
+}

@@ -228,7 +228,13 @@ proptest! {
                 let number = u32::try_from(index.index(primitives.len())).unwrap();
                 (number, if front { Side::Front } else { Side::Back })
             });
-            list.push(&Ray::new(place(origin), direction), Span { start: 0.0, end: scale * (end + far) }, left);
+            // Here and there a span in which nothing is.
+            let span = match list.left.len() % 16 {
+                3 => Span { start: f64::NAN, end: f64::INFINITY },
+                9 => Span { start: 0.0, end: f64::NAN },
+                _ => Span { start: 0.0, end: scale * (end + far) },
+            };
+            list.push(&Ray::new(place(origin), direction), span, left);
         }
         check(&primitives, &list);
     }

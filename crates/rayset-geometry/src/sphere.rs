@@ -1,7 +1,7 @@
 //! Spheres.
 
 use glam::DVec3;
-use rayset_simd::{Lanes, Scalar, Simd};
+use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
 use crate::departure::Allowed;
 use crate::{BoundingSphere, Probe, Ray, RayLanes, Side, Sides, Span};
@@ -110,6 +110,10 @@ impl Sphere {
         let l = [oc[0] - b * d[0], oc[1] - b * d[1], oc[2] - b * d[2]];
         let discriminant = radius * radius - (l[0] * l[0] + l[1] * l[1] + l[2] * l[2]);
         let real = discriminant.ge(simd.splat_f64(0.0));
+        if !real.any() {
+            // The root is what costs most.
+            return (real, b);
+        }
         let half = discriminant.sqrt();
         let (near, far) = (b - half, b + half);
         let near_hit = real & front & near.gt(start) & near.lt(end);

@@ -1,0 +1,240 @@
+//! Few spheres: so few that a tree has nothing to spare, and every ray is tested against each of them.
+//!
+//! As many rays at a time as there are lanes of double precision, each sphere in turn: exact at once, without culling.
+//! (With eight spheres, culling the one leaf there is and deciding afterwards took three times as long.)
+
+use std::ops::Range;
+
+use rayset_geometry::{PrimitiveKind, RayLanes, Side, Sides, Sphere};
+use rayset_simd::{LaneMask, Lanes, MAX_LANES, Part, Simd};
+
+use crate::Hit;
+use crate::each::{AnyHit, NearestHit, OfRay};
+use crate::packet::RayColumns;
+use crate::shapes::Shapes;
+
+/// How many spheres are few.
+pub(crate) const FEW: usize = 8;
+
+/// A sphere, the sides it can be hit from, and its number.
+#[derive(Clone, Debug)]
+pub(crate) struct FewSphere {
+    sphere: Sphere,
+    sides: Sides,
+    number: u32,
+}
+
+/// What is asked about rays, of few spheres.
+pub(crate) trait OfFew: OfRay {
+    /// What is known of the rays in lanes.
+    type Known<S: Simd>: Copy;
+    fn nothing<S: Simd>(self, simd: S) -> Self::Known<S>;
+    /// Takes in the lanes that hit a sphere, and where; whether all is known.
+    fn take<S: Simd>(
+        self,
+        simd: S,
+        known: &mut Self::Known<S>,
+        hit: (<S::F64 as Lanes>::Mask, S::F64),
+        number: u32,
+    ) -> bool;
+    fn write<S: Simd>(self, known: &Self::Known<S>, places: &mut [Self::Answer]);
+    /// The answer to one ray, by its hits in increasing order of numbers.
+    fn one(self, hits: impl Iterator<Item = Hit>) -> Self::Answer;
+}
+
+/// Rays against few spheres.
+pub(crate) struct EachOfFew<'a, Q: OfFew> {
+    pub(crate) spheres: &'a [FewSphere],
+    pub(crate) question: Q,
+    pub(crate) columns: RayColumns<'a>,
+    pub(crate) range: Range<usize>,
+    pub(crate) places: &'a mut [Q::Answer],
+}
+
+impl<const W: usize> Shapes<W> {
+    /// All there is, if that is few spheres: in the order of their numbers.
+    pub(crate) fn few_spheres(&self) -> Vec<FewSphere> {
+        let is_few = self.is_only(PrimitiveKind::Sphere)
+            && self.runs().iter().map(|run| usize::from(run.len)).sum::<usize>() <= FEW;
+        if !is_few {
+            return Vec::new();
+        }
+        let of_run = self.runs().iter().flat_map(|run| {
+            (run.first..run.first + u32::from(run.len)).map(|index| FewSphere {
+                sphere: *self.sphere(index),
+                sides: run.sides,
+                number: self.number(PrimitiveKind::Sphere, index),
+            })
+        });
+        let mut spheres: Vec<_> = of_run.collect();
+        spheres.sort_by_key(|sphere| sphere.number);
+        spheres
+    }
+}
+
+impl<S: Simd, Q: OfFew> Part<S> for EachOfFew<'_, Q> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        let Self { spheres, question, columns, range, places } = self;
+        let lanes = S::F64::LANES;
+        let Range { start: mut first, end } = range;
+        assert!(end <= columns.len() && end <= places.len(), "there are these rays");
+        let zero = simd.splat_f64(0.0);
+        while first < end && first + lanes <= columns.len() {
+            let mut rays = RayLanes { origin: [zero; 3], direction: [zero; 3] };
+            for k in 0..3 {
+                rays.origin[k] = simd.load_f64(&columns.origins[k][first..]);
+                rays.direction[k] = simd.load_f64(&columns.directions[k][first..]);
+            }
+            // A ray is a half-line.
+            let start = simd.load_f64(&columns.spans.0[first..]);
+            let span = [zero.select(start.lt(zero), start), simd.load_f64(&columns.spans.1[first..])];
+            let left = Left::of(&columns, first, lanes);
+            let mut known = question.nothing(simd);
+            for FewSphere { sphere, sides, number } in spheres {
+                let (leaving, outwards) = left.by(simd, *number);
+                let front = if *sides == Sides::Back { 0 } else { !leaving };
+                let back = if *sides == Sides::Front { 0 } else { !outwards };
+                let center = sphere.center();
+                let center = [simd.splat_f64(center.x), simd.splat_f64(center.y), simd.splat_f64(center.z)];
+                let sphere = (center, simd.splat_f64(sphere.radius()));
+                let allowed = (simd.mask_f64(front), simd.mask_f64(back));
+                let hit = Sphere::intersect_pairs(simd, &rays, span, sphere, allowed);
+                if question.take(simd, &mut known, hit, *number) {
+                    break;
+                }
+            }
+            let len = lanes.min(end - first);
+            question.write::<S>(&known, &mut places[first..first + len]);
+            first += len;
+        }
+        // Too few are left in the columns for all lanes.
+        for (i, place) in (first..end).zip(&mut places[first..]) {
+            let (ray, span) = columns.ray(i);
+            let left = columns.left(i);
+            *place = question.one(spheres.iter().filter_map(|FewSphere { sphere, sides, number }| {
+                let departure = left.filter(|left| left.0 == *number).map(|left| left.1);
+                let t = sphere.intersect(&ray, span, *sides, departure)?;
+                Some(Hit { t, primitive: *number })
+            }));
+        }
+    }
+}
+
+/// What rays in lanes leave.
+struct Left {
+    numbers: [u32; MAX_LANES],
+    /// The lanes that leave something into its front.
+    front: u32,
+    leaves: bool,
+}
+
+impl Left {
+    #[inline(always)]
+    fn of(columns: &RayColumns<'_>, first: usize, lanes: usize) -> Self {
+        let mut left = Self { numbers: [u32::MAX; MAX_LANES], front: 0, leaves: !columns.left.is_empty() };
+        if left.leaves {
+            for (lane, from) in columns.left[first..first + lanes].iter().enumerate() {
+                if let Some((number, side)) = *from {
+                    left.numbers[lane] = number;
+                    left.front |= u32::from(side == Side::Front) << lane;
+                }
+            }
+        }
+        left
+    }
+
+    /// The lanes that leave a primitive, and those that do so into its front.
+    #[inline(always)]
+    fn by<S: Simd>(&self, simd: S, number: u32) -> (u32, u32) {
+        if !self.leaves {
+            return (0, 0);
+        }
+        let leaving = simd.equal_u32(&self.numbers, number).bits();
+        (leaving, leaving & self.front)
+    }
+}
+
+/// The nearest hits so far: where, of what, and which lanes have one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NearestOfFew<S: Simd> {
+    t: S::F64,
+    number: S::F64,
+    found: u32,
+}
+
+impl OfFew for NearestHit {
+    type Known<S: Simd> = NearestOfFew<S>;
+
+    #[inline(always)]
+    fn nothing<S: Simd>(self, simd: S) -> NearestOfFew<S> {
+        NearestOfFew { t: simd.splat_f64(f64::INFINITY), number: simd.splat_f64(0.0), found: 0 }
+    }
+
+    #[inline(always)]
+    fn take<S: Simd>(
+        self,
+        simd: S,
+        known: &mut NearestOfFew<S>,
+        (is_hit, t): (<S::F64 as Lanes>::Mask, S::F64),
+        number: u32,
+    ) -> bool {
+        // Of equally near ones the first, which has the lesser number.
+        let is_nearer = is_hit & t.lt(known.t);
+        known.t = t.select(is_nearer, known.t);
+        known.number = simd.splat_f64(f64::from(number)).select(is_nearer, known.number);
+        known.found |= is_nearer.bits();
+        false
+    }
+
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it was a number of 32 bits")]
+    fn write<S: Simd>(self, known: &NearestOfFew<S>, places: &mut [Option<Hit>]) {
+        let (mut distances, mut numbers) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
+        known.t.store(&mut distances);
+        known.number.store(&mut numbers);
+        for (lane, place) in places.iter_mut().enumerate() {
+            let hit = Hit { t: distances[lane], primitive: numbers[lane] as u32 };
+            *place = (known.found >> lane & 1 == 1).then_some(hit);
+        }
+    }
+
+    fn one(self, hits: impl Iterator<Item = Hit>) -> Option<Hit> {
+        hits.reduce(|nearest, hit| if hit.t < nearest.t { hit } else { nearest })
+    }
+}
+
+impl OfFew for AnyHit {
+    /// The lanes that hit something.
+    type Known<S: Simd> = u32;
+
+    #[inline(always)]
+    fn nothing<S: Simd>(self, _: S) -> u32 {
+        0
+    }
+
+    #[inline(always)]
+    fn take<S: Simd>(
+        self,
+        _: S,
+        known: &mut u32,
+        (is_hit, _): (<S::F64 as Lanes>::Mask, S::F64),
+        _: u32,
+    ) -> bool {
+        *known |= is_hit.bits();
+        known.count_ones() as usize == S::F64::LANES
+    }
+
+    #[inline(always)]
+    fn write<S: Simd>(self, known: &u32, places: &mut [bool]) {
+        for (lane, place) in places.iter_mut().enumerate() {
+            *place = known >> lane & 1 == 1;
+        }
+    }
+
+    fn one(self, mut hits: impl Iterator<Item = Hit>) -> bool {
+        hits.next().is_some()
+    }
+}
