@@ -173,7 +173,7 @@ mod tests {
     #[test]
     fn a_strategy_counts_the_same_here_as_in_the_table() {
         let plan = Table1Plan {
-            spheres: vec![2, 8],
+            spheres: vec![2, 16],
             seeds: vec![1, 2],
             repetitions: 1,
             resolution: 24,
@@ -195,7 +195,8 @@ mod tests {
         let bundles = scenes.rows(StrategyKind::Bundle, &path, &|_, _| ()).unwrap();
         for (row, ours) in bundles.iter().zip(&table.ours) {
             let expected = &ours.exact["bundle"];
-            assert!(row.percent_coherent > 0.0);
+            // Few spheres need no shafts.
+            assert_eq!(row.percent_coherent > 0.0, ours.spheres > Some(8));
             assert!((row.percent_coherent - expected.percent_coherent).abs() < 1e-9);
             assert_eq!(row.ratio_work.to_bits(), expected.ratio_work.to_bits());
         }

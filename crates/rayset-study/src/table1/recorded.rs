@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn what_is_written_is_read_back() {
         let plan = Table1Plan {
-            spheres: vec![1, 8],
+            spheres: vec![1, 16],
             seeds: vec![1],
             repetitions: 1,
             resolution: 16,

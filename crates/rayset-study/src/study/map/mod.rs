@@ -34,7 +34,7 @@ fn sheets(scale: Scale) -> Vec<Sheet> {
     let (many, few, seeds) = match scale {
         Scale::Full => (vec![1, 2, 4, 8, 16, 32, 64, 256, 1024, 4096], vec![1, 2, 4, 8, 16, 32], 5),
         Scale::Quick => (vec![1, 4, 16, 64], vec![1, 8], 2),
-        Scale::Tiny => (vec![1, 4, 8, 16], vec![1, 8], 1),
+        Scale::Tiny => (vec![1, 4, 8, 16], vec![1, 16], 1),
     };
     vec![
         Sheet {
