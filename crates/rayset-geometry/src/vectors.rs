@@ -75,7 +75,7 @@ impl VectorColumns {
         self.lengths[i]
     }
 
-    /// Scales every vector to unit length, with the bits of [`unit`]; what has no direction becomes zero.
+    /// Scales every vector to unit length, with the bits of [`unit`](crate::unit()); what has no direction becomes zero.
     pub fn normalize(&mut self) {
         self.normalize_on(Backend::active());
     }
