@@ -1,7 +1,10 @@
 //! What was found, in double precision: one by one, or a ray and its primitive a lane.
 
-use rayset_geometry::{PrimitiveKind, RayLanes, ShearedLanes, Side, Sides, Sphere, Triangle};
-use rayset_simd::{LaneMask, Lanes, Simd};
+use rayset_geometry::{
+    ColumnRun, Departure, PrimitiveKind, Probe, Ray, RayLanes, ShearedLanes, Side, Sides, Span, Sphere,
+    Triangle,
+};
+use rayset_simd::{LaneMask, Lanes, Part, Scalar, Simd};
 
 use crate::frame::Frame;
 use crate::packet::RayColumns;
@@ -120,7 +123,53 @@ impl Wanted {
     }
 }
 
+/// A ray and a primitive that it may hit.
+struct ExactAlone<'a, const W: usize> {
+    shapes: &'a Shapes<W>,
+    ray: &'a Ray,
+    span: Span,
+    departure: Option<Departure>,
+    sure: &'a Sure,
+}
+
+impl<S: Simd, const W: usize> Part<S> for ExactAlone<'_, W> {
+    type Output = Option<Hit>;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> Option<Hit> {
+        let Self { shapes, ray, span, departure, sure } = self;
+        let Sure { kind, index, sides } = *sure;
+        let side = departure.filter(|d| d.kind == kind && d.index == index).map(|d| d.side);
+        let t = match kind {
+            PrimitiveKind::Sphere => shapes.sphere(index).intersect(ray, span, sides, side),
+            PrimitiveKind::Triangle => {
+                let probe = Probe::new(Scalar, ray, span, true);
+                shapes.triangle(index).intersect(&probe, sides, side)
+            }
+            PrimitiveKind::Polygon | PrimitiveKind::Cone => {
+                // The edges of a polygon are tested several at a time.
+                let probe = Probe::new(simd, ray, span, kind == PrimitiveKind::Polygon);
+                let column = ColumnRun { kind, sides, range: index..index + 1 };
+                shapes.columns.nearest(&probe, &column, departure).map(|hit| hit.t)
+            }
+        };
+        t.map(|t| Hit { t, primitive: shapes.number(kind, index) })
+    }
+}
+
 impl<const W: usize> Shapes<W> {
+    /// The exact hit of a primitive by a ray that is not prepared.
+    #[inline(always)]
+    pub(crate) fn exact_alone<S: Simd>(
+        &self,
+        simd: S,
+        (ray, span): (&Ray, Span),
+        departure: Option<Departure>,
+        sure: &Sure,
+    ) -> Option<Hit> {
+        simd.outline(ExactAlone { shapes: self, ray, span, departure, sure })
+    }
+
     /// The exact hits of rays, each of the primitive that it surely hits; only of those whose bit is set.
     #[inline(always)]
     pub(crate) fn resolve_all<S: Simd>(

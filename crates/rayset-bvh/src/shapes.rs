@@ -3,7 +3,7 @@
 use rayset_geometry::{
     ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
 };
-use rayset_simd::{LaneMask, Lanes, Part, Scalar, Simd};
+use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
 use crate::axes::AxisBlock;
 use crate::exact::Sure;
@@ -98,7 +98,7 @@ pub(crate) struct Shapes<const W: usize> {
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
     /// Polygons and cones.
-    columns: PrimitiveColumns,
+    pub(crate) columns: PrimitiveColumns,
     /// The number of each primitive of a kind.
     numbers: [Vec<u32>; 4],
     /// Whether there is any triangle or polygon: whether a ray needs a shear.
@@ -291,18 +291,6 @@ impl<const W: usize> Shapes<W> {
     #[inline(always)]
     pub(crate) fn box_block(&self, run: &Run) -> &BoxBlock<W> {
         &self.box_blocks[run.boxes as usize]
-    }
-
-    /// The exact hit of a primitive by a ray that is not prepared.
-    #[inline(always)]
-    pub(crate) fn exact_alone<S: Simd>(
-        &self,
-        simd: S,
-        (ray, span): (&Ray, Span),
-        departure: Option<Departure>,
-        sure: &Sure,
-    ) -> Option<Hit> {
-        simd.outline(ExactAlone { shapes: self, ray, span, departure, sure })
     }
 
     /// The hit that was known by an interval only.
@@ -546,40 +534,6 @@ impl<const W: usize> Shapes<W> {
             + size_of_val(&self.places[..])
             + self.numbers.iter().map(|numbers| size_of_val(&numbers[..])).sum::<usize>()
             + self.columns.bytes()
-    }
-}
-
-/// A ray and a primitive that it may hit.
-struct ExactAlone<'a, const W: usize> {
-    shapes: &'a Shapes<W>,
-    ray: &'a Ray,
-    span: Span,
-    departure: Option<Departure>,
-    sure: &'a Sure,
-}
-
-impl<S: Simd, const W: usize> Part<S> for ExactAlone<'_, W> {
-    type Output = Option<Hit>;
-
-    #[inline(always)]
-    fn run(self, simd: S) -> Option<Hit> {
-        let Self { shapes, ray, span, departure, sure } = self;
-        let Sure { kind, index, sides } = *sure;
-        let side = departure.filter(|d| d.kind == kind && d.index == index).map(|d| d.side);
-        let t = match kind {
-            PrimitiveKind::Sphere => shapes.spheres[index as usize].intersect(ray, span, sides, side),
-            PrimitiveKind::Triangle => {
-                let probe = Probe::new(Scalar, ray, span, true);
-                shapes.triangles[index as usize].intersect(&probe, sides, side)
-            }
-            PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                // The edges of a polygon are tested several at a time.
-                let probe = Probe::new(simd, ray, span, kind == PrimitiveKind::Polygon);
-                let column = ColumnRun { kind, sides, range: index..index + 1 };
-                shapes.columns.nearest(&probe, &column, departure).map(|hit| hit.t)
-            }
-        };
-        t.map(|t| Hit { t, primitive: shapes.number(kind, index) })
     }
 }
 

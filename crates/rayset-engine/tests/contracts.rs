@@ -47,6 +47,35 @@ fn exact(scene: &Scene) -> impl Iterator<Item = Box<dyn IntersectionStrategy + '
 }
 
 #[test]
+fn lists_may_mix_rays_that_leave_a_surface_with_rays_that_do_not() {
+    let mut answered = 0;
+    for test in &scenes::all() {
+        for sweep in queries_of(&test.scene, &OPTIONS) {
+            // The first is an initial ray. From zero on only what a ray leaves keeps its own surface from it.
+            let mut rays = Generation::default();
+            for query in &sweep {
+                if let Query::Nearest(query) = query {
+                    rays.push(&RayQuery { span: Span::FORWARD, ..*query });
+                }
+            }
+            let answers = |kind: StrategyKind| {
+                let strategy = kind.bind(&test.scene);
+                let mut answers = Answers::default();
+                strategy.begin_sweep(Recording::Off).nearest_bundle(&rays, &mut answers);
+                let bits = |hit: &Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.primitive));
+                answers.values.iter().map(bits).collect::<Vec<_>>()
+            };
+            let expected = answers(StrategyKind::Standard);
+            for kind in [StrategyKind::Hierarchical, StrategyKind::Bundle, StrategyKind::Auto] {
+                assert_eq!(answers(kind), expected, "{}", kind.name());
+            }
+            answered += rays.originating().iter().flatten().count();
+        }
+    }
+    assert!(answered > 1000, "{answered} rays left a surface");
+}
+
+#[test]
 fn contract_1_queries_of_a_slot_arrive_in_increasing_order_of_ray_sets() {
     let orders = [PixelOrder::Scanline, PixelOrder::Serpentine, PixelOrder::Tiles(4), PixelOrder::Morton(4)];
     for test in &scenes::all() {

@@ -99,8 +99,8 @@ impl Left {
     /// The rays of a generation as columns, with what they leave.
     pub(super) fn columns<'a>(&'a mut self, rays: &'a Generation) -> RayColumns<'a> {
         self.0.clear();
-        // Initial rays leave nothing.
-        if rays.originating().first().is_some_and(Option::is_some) {
+        // Initial rays leave nothing; a list may mix them with others.
+        if rays.originating().iter().any(Option::is_some) {
             self.0.extend(rays.originating().iter().map(|from| from.as_ref().map(left_by)));
         }
         let ([ox, oy, oz], [dx, dy, dz]) = (rays.origins(), rays.directions());
