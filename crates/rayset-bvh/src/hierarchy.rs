@@ -102,6 +102,15 @@ impl Hierarchy {
         }
     }
 
+    /// Whether there is a tree, through which rays can go together: up to eight spheres are tested one after the other.
+    #[must_use]
+    pub fn has_tree(&self) -> bool {
+        match &self.width {
+            Width::Eight(wide) => wide.few.is_empty(),
+            Width::Sixteen(wide) => wide.few.is_empty(),
+        }
+    }
+
     /// What tracing a ray needs, to be kept between rays.
     #[must_use]
     pub fn scratch(&self) -> Scratch {

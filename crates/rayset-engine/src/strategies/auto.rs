@@ -2,13 +2,15 @@
 //!
 //! All ways share one hierarchy, which single rays and bundles both go through, so nothing is built twice. Rays are given
 //! to `bundle`, which finds out by itself whether shafts pay; where it has found that they do not, for the rays of a kind
-//! and depth, those go to `hierarchical` for a while, which spends nothing on finding out.
+//! and depth, those go to `hierarchical` for a while, which spends nothing on finding out. Among spheres so few that they
+//! are no tree all rays do.
 
 use rayset_scene::Scene;
 use rayset_simd::Backend;
 
 use super::bundle::{Bundle, BundleTracer};
 use super::hierarchical::HierarchicalTracer;
+use crate::query::run_len;
 use crate::{
     Answers, ByKind, Generation, Hit, IntersectionStrategy, PixelOrder, RayKind, RayQuery, Recording,
     ShadowGeneration, ShadowQuery, StageCounts, Stats, Tracer,
@@ -60,6 +62,7 @@ impl IntersectionStrategy for Auto<'_> {
         Box::new(AutoTracer {
             bundle: BundleTracer::new(hierarchy, objects, recording),
             single: HierarchicalTracer::new(hierarchy, objects, recording),
+            may_bundle: hierarchy.has_tree(),
             choices: [Choice::default(); 2 * DEPTHS],
             alone: ByKind::default(),
             stats: Stats::default(),
@@ -107,6 +110,8 @@ impl Choice {
 struct AutoTracer<'s> {
     bundle: BundleTracer<'s>,
     single: HierarchicalTracer<'s>,
+    /// Whether there is a tree to go through together.
+    may_bundle: bool,
     /// By depth, for rays that ask for the nearest hit; then for shadow rays.
     choices: [Choice; 2 * DEPTHS],
     /// Rays that were not given to bundles.
@@ -128,7 +133,7 @@ impl AutoTracer<'_> {
     fn choose(&mut self, rays: &Generation, kind: usize) -> (bool, usize) {
         let depth = rays.slots().first().map_or(1, |slot| slot.depth() as usize);
         let choice = kind * DEPTHS + (depth - 1).min(DEPTHS - 1);
-        (self.choices[choice].is_bundled(), choice)
+        (self.may_bundle && self.choices[choice].is_bundled(), choice)
     }
 
     /// Both tracers' counts.
@@ -142,8 +147,11 @@ impl AutoTracer<'_> {
 
     /// Counts rays that went one by one.
     fn count_alone(&mut self, rays: &Generation, kind: Option<RayKind>) {
-        for slot in rays.slots() {
-            self.alone[kind.unwrap_or(slot.kind())].alone += 1;
+        let mut slots = rays.slots();
+        while let Some(slot) = slots.first() {
+            let n = if kind.is_some() { slots.len() } else { run_len(slots) };
+            self.alone[kind.unwrap_or(slot.kind())].alone += n as u64;
+            slots = &slots[n..];
         }
     }
 }
