@@ -2,7 +2,7 @@
 
 use rayset_geometry::Side;
 use rayset_geometry::glam::DVec3;
-use rayset_scene::MaterialId;
+use rayset_scene::{LightId, MaterialId};
 
 use crate::{Hit, Slot};
 
@@ -66,6 +66,15 @@ pub enum LightState {
     Visible,
 }
 
+/// A light that shines on a hit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lit {
+    pub(crate) node: u32,
+    pub(crate) light: LightId,
+    /// The unit vector towards it.
+    pub(crate) direction: DVec3,
+}
+
 /// The trees of a bundle of ray-sets, grown level by level; children stand behind their parents.
 ///
 /// The first nodes are the initial rays, one a ray-set, in order.
@@ -73,6 +82,8 @@ pub enum LightState {
 pub struct IntersectionTrees {
     pub(crate) nodes: Vec<Node>,
     pub(crate) lights: Vec<LightState>,
+    /// Those that are visible, in increasing order of lights for each node.
+    pub(crate) lit: Vec<Lit>,
     pub(crate) n_lights: usize,
 }
 

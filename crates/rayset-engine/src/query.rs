@@ -7,6 +7,7 @@ use rayset_geometry::{Ray, Side, Span};
 use rayset_scene::{LightId, ObjectId, PrimitiveId};
 
 use crate::Work;
+use crate::ray_set::{Leaving, Sent};
 
 /// The greatest depth of a tree: the initial ray has depth 1.
 ///
@@ -232,16 +233,6 @@ impl Generation {
         }
     }
 
-    /// Makes room for as many more rays.
-    pub(crate) fn reserve(&mut self, additional: usize) {
-        self.ray_sets.reserve(additional);
-        self.slots.reserve(additional);
-        self.originating.reserve(additional);
-        self.origins.iter_mut().chain(&mut self.directions).for_each(|column| column.reserve(additional));
-        self.starts.reserve(additional);
-        self.ends.reserve(additional);
-    }
-
     /// Appends a ray.
     #[inline(always)]
     pub fn push(&mut self, query: &RayQuery) {
@@ -269,6 +260,27 @@ impl Generation {
         }
         self.starts.extend(repeat_n(Span::FORWARD.start, n));
         self.ends.extend(repeat_n(Span::FORWARD.end, n));
+    }
+
+    /// Adds rays of a slot that leave hits, each into a side by that which its hit was met from, column by column.
+    pub(crate) fn extend(
+        &mut self,
+        slot: Slot,
+        leaving: &[Leaving],
+        sent: &[Sent],
+        side: impl Fn(Side) -> Side,
+    ) {
+        let left = || sent.iter().map(|sent| &leaving[sent.from as usize]);
+        self.ray_sets.extend(left().map(|left| left.ray_set));
+        self.slots.extend(repeat_n(slot, sent.len()));
+        let from = |left: &Leaving| Some(Originating { side: side(left.from.side), ..left.from });
+        self.originating.extend(left().map(from));
+        for k in 0..3 {
+            self.origins[k].extend(left().map(|left| left.surface.point[k]));
+            self.directions[k].extend(sent.iter().map(|sent| sent.direction[k]));
+        }
+        self.starts.extend(left().map(|left| left.start));
+        self.ends.extend(sent.iter().map(|sent| sent.end));
     }
 
     /// Removes all rays and keeps the memory.
@@ -382,18 +394,18 @@ impl ShadowGeneration {
         ShadowQuery { ray_set, slot, light: self.lights[i], originating, ray, span }
     }
 
-    /// Makes room for as many more rays.
-    pub(crate) fn reserve(&mut self, additional: usize) {
-        self.rays.reserve(additional);
-        self.lights.reserve(additional);
-    }
-
     /// Appends a ray.
     #[inline(always)]
     pub fn push(&mut self, query: &ShadowQuery) {
         let ShadowQuery { ray_set, slot, light, originating, ray, span } = *query;
         self.rays.push(&RayQuery { ray_set, slot, originating: Some(originating), ray, span });
         self.lights.push(light);
+    }
+
+    /// Adds rays of a slot that ask for a light, from hits.
+    pub(crate) fn extend(&mut self, slot: Slot, light: LightId, leaving: &[Leaving], sent: &[Sent]) {
+        self.rays.extend(slot, leaving, sent, |side| side);
+        self.lights.extend(repeat_n(light, sent.len()));
     }
 
     /// Removes all rays and keeps the memory.

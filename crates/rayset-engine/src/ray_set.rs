@@ -4,14 +4,14 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use rayset_geometry::glam::DVec3;
-use rayset_geometry::{Ray, Side, Span, VectorColumns, unit};
+use rayset_geometry::{Ray, Side, VectorColumns, unit};
 use rayset_scene::{LightId, Material, Scene};
 
+use crate::intersection_tree::Lit;
 use crate::query::{Columns, run_len};
 use crate::{
     Answers, Branch, ByKind, Generation, Hit, IntersectionTrees, LightState, MAX_DEPTH, Node, Originating,
-    RayCounts, RayKind, RayQuery, RaySetIndex, Recording, ShadowGeneration, ShadowQuery, Slot, Surface,
-    Tracer, Work,
+    RayCounts, RayKind, RaySetIndex, Recording, ShadowGeneration, Slot, Surface, Tracer, Work,
 };
 
 /// How far from the surface it leaves a ray begins to see other surfaces, relative to the coordinates involved.
@@ -44,12 +44,16 @@ pub struct RaySets {
     shadow: ShadowGeneration,
     /// The hits of the rays of one slot.
     leaving: Vec<Leaving>,
-    /// What the hits of a slot refract: their place among them, and the direction.
-    refracted: Vec<(usize, DVec3)>,
-    /// From the hits of a slot to a light.
-    to_light: VectorColumns,
-    /// Where in the table of light states each shadow ray's answer goes.
-    shadow_places: Vec<usize>,
+    /// The rays that leave them: to a light, or reflected.
+    sent: Vec<Sent>,
+    /// Those that are refracted.
+    refracted: Vec<Sent>,
+    /// Where the hits of a slot send rays: to a light, or reflected.
+    aimed: VectorColumns,
+    /// Where those of glass refract them.
+    bent: VectorColumns,
+    /// The node that each shadow ray leaves.
+    shadow_nodes: Vec<u32>,
     hits: Answers<Option<Hit>>,
     occluded: Answers<bool>,
     tallies: Vec<RaySetTally>,
@@ -114,6 +118,7 @@ impl RaySets {
     ) -> &IntersectionTrees {
         self.trees.nodes.clear();
         self.trees.lights.clear();
+        self.trees.lit.clear();
         self.trees.n_lights = scene.lights().len();
         self.generation.clear();
         self.initial_rays.clear();
@@ -149,7 +154,7 @@ impl RaySets {
         assert_eq!(self.hits.values.len(), self.generation.len(), "one answer a query");
 
         self.shadow.clear();
-        self.shadow_places.clear();
+        self.shadow_nodes.clear();
         self.next.clear();
         self.trees.lights.resize(self.trees.nodes.len() * self.trees.n_lights, LightState::FacesAway);
         let mut start = 0;
@@ -168,11 +173,7 @@ impl RaySets {
         tracer.occluded_bundle(&self.shadow, &mut self.occluded);
         self.strategy_time += start.elapsed();
         assert_eq!(self.occluded.values.len(), self.shadow.len(), "one answer a query");
-        let mut n_hidden = 0;
-        for (place, &occluded) in self.shadow_places.iter().zip(&self.occluded.values) {
-            n_hidden += u64::from(occluded);
-            self.trees.lights[*place] = if occluded { LightState::Hidden } else { LightState::Visible };
-        }
+        let n_hidden = self.take_lights();
         self.counts.shadow.cast += self.shadow.len() as u64;
         self.counts.shadow.hit += n_hidden;
         self.tally(first, true);
@@ -212,14 +213,14 @@ impl RaySets {
             self.push_shadow_rays(scene, slot, light);
         }
         if slot.depth() < options.max_depth {
-            self.push_reflected(scene, slot.reflected(), options);
-            self.push_refracted(scene, slot.refracted(), options);
+            self.push_secondary_rays(scene, slot, options);
         }
     }
 
     /// The surfaces that the rays of a slot hit: into their nodes, and in a list.
     fn take_hits(&mut self, scene: &Scene, rays: Range<usize>, base: usize) {
         self.leaving.clear();
+        self.leaving.reserve(rays.len());
         let columns = Columns::of(&self.generation);
         let ray_sets = &self.generation.ray_sets()[rays.clone()];
         let nodes = &mut self.trees.nodes[base + rays.start..base + rays.end];
@@ -229,134 +230,155 @@ impl RaySets {
             let ray = columns.ray(i);
             let surface = surface_at(scene, &ray, &hit);
             node.hit = Some((hit, surface));
-            self.leaving.push(Leaving { ray_set, node: index(base + i), start: departure(scene, &ray) });
+            let from = Originating { object: hit.object, primitive: hit.primitive, side: surface.side };
+            let start = departure(scene, &ray);
+            self.leaving.push(Leaving { ray_set, node: index(base + i), start, from, surface });
         }
     }
 
     /// The rays that ask for a light, from the hits of a slot.
     fn push_shadow_rays(&mut self, scene: &Scene, slot: Slot, light: LightId) {
-        let Self { leaving, shadow, shadow_places, trees, to_light, .. } = self;
-        let (source, n_lights) = (&scene.lights()[light.index()], trees.n_lights);
-        shadow.reserve(leaving.len());
-        shadow_places.reserve(leaving.len());
-        to_light.clear();
+        let Self { leaving, sent, aimed, shadow, shadow_nodes, .. } = self;
+        let source = &scene.lights()[light.index()];
+        sent.clear();
+        // Light reaches a surface from the side of both normals, or not at all.
+        let is_lit = |Surface { normal, shading_normal, .. }: &Surface, direction| {
+            (normal.dot(direction) > 0.0) & (shading_normal.dot(direction) > 0.0)
+        };
+        // As `Light::seen_from`; zero at the light, from where no side of a surface is lit.
         if let Some(position) = source.position() {
-            for Leaving { node, .. } in &*leaving {
-                let hit = trees.nodes[*node as usize].hit.as_ref();
-                to_light.push(hit.map_or(DVec3::ZERO, |(_, surface)| position - surface.point));
+            aimed.clear();
+            leaving.iter().for_each(|leaving| aimed.push(position - leaving.surface.point));
+            aimed.normalize();
+            for (i, leaving) in leaving.iter().enumerate() {
+                let direction = aimed.get(i);
+                if is_lit(&leaving.surface, direction) {
+                    sent.push(Sent { from: index(i), direction, end: aimed.length(i) - leaving.start });
+                }
             }
-            to_light.normalize();
-        }
-        for (i, Leaving { ray_set, node, start }) in leaving.iter().enumerate() {
-            let Some((hit, surface)) = &trees.nodes[*node as usize].hit else { continue };
-            // As `Light::seen_from`; zero at the light, from where no side of a surface is lit.
-            let (direction, distance) = if to_light.is_empty() {
-                let Some(illumination) = source.seen_from(surface.point) else { continue };
-                (illumination.direction, illumination.distance)
-            } else {
-                (to_light.get(i), to_light.length(i))
-            };
-            // Light reaches a surface from the side of both normals, or not at all.
-            if !(surface.normal.dot(direction) > 0.0 && surface.shading_normal.dot(direction) > 0.0) {
-                continue;
+        } else {
+            for (i, leaving) in leaving.iter().enumerate() {
+                let Some(seen) = source.seen_from(leaving.surface.point) else { continue };
+                if is_lit(&leaving.surface, seen.direction) {
+                    let end = seen.distance - leaving.start;
+                    sent.push(Sent { from: index(i), direction: seen.direction, end });
+                }
             }
-            shadow.push(&ShadowQuery {
-                ray_set: *ray_set,
-                slot,
-                light,
-                originating: Originating { object: hit.object, primitive: hit.primitive, side: surface.side },
-                ray: Ray::new(surface.point, direction),
-                span: Span { start: *start, end: distance - start },
-            });
-            shadow_places.push(*node as usize * n_lights + light.index());
         }
+        shadow.extend(slot, light, leaving, sent);
+        shadow_nodes.extend(sent.iter().map(|sent| leaving[sent.from as usize].node));
     }
 
-    /// The rays that the hits of a slot reflect; leaves what they refract in `self.refracted`.
-    fn push_reflected(&mut self, scene: &Scene, slot: Slot, options: &TreeOptions) {
-        let Self { leaving, refracted, next, trees, .. } = self;
+    /// Takes in which lights shine on the hits of a generation; returns how many do not.
+    fn take_lights(&mut self) -> u64 {
+        let Self { trees, shadow, shadow_nodes, occluded, .. } = self;
+        let directions = shadow.rays().directions();
+        let mut n_hidden = 0;
+        for (i, ((&node, &light), &occluded)) in
+            shadow_nodes.iter().zip(shadow.lights()).zip(&occluded.values).enumerate()
+        {
+            let state = &mut trees.lights[node as usize * trees.n_lights + light.index()];
+            if occluded {
+                n_hidden += 1;
+                *state = LightState::Hidden;
+            } else {
+                *state = LightState::Visible;
+                let direction = DVec3::from_array(directions.each_ref().map(|column| column[i]));
+                trees.lit.push(Lit { node, light, direction });
+            }
+        }
+        n_hidden
+    }
+
+    /// The rays that the hits of a slot reflect, then those that they refract.
+    fn push_secondary_rays(&mut self, scene: &Scene, slot: Slot, options: &TreeOptions) {
+        let Self { leaving, sent, refracted, aimed, bent, next, trees, .. } = self;
+        let materials = scene.materials();
+        aimed.clear();
+        bent.clear();
+        for Leaving { node, surface, .. } in &*leaving {
+            let material = &materials[surface.material.index()];
+            if material.is_reflective() {
+                let direction = trees.nodes[*node as usize].direction;
+                aimed.push(mirrored(direction, surface.shading_normal));
+                if material.is_transmissive() {
+                    let eta = eta(surface, material);
+                    bent.push(bent_by(direction, surface.shading_normal, eta).unwrap_or(DVec3::ZERO));
+                }
+            }
+        }
+        aimed.normalize();
+        bent.normalize();
+        sent.clear();
         refracted.clear();
-        for (i, leaving) in leaving.iter().enumerate() {
-            let parent = &mut trees.nodes[leaving.node as usize];
-            let Some((_, surface)) = &parent.hit else { continue };
-            let material = &scene.materials()[surface.material.index()];
+        let is_cut_off = |weight: f64| options.cutoff.is_some_and(|cutoff| weight < cutoff);
+        let (mut n_aimed, mut n_bent) = (0, 0);
+        for (i, Leaving { node, surface, .. }) in leaving.iter().enumerate() {
+            let material = &materials[surface.material.index()];
             if !material.is_reflective() {
                 continue;
             }
+            let child = index(trees.nodes.len());
+            let parent = &mut trees.nodes[*node as usize];
             let mut share = material.reflectance;
             if material.is_transmissive() {
-                if let Some(direction) = refract(parent.direction, surface, material) {
-                    refracted.push((i, direction));
+                if let Some(direction) = refract(parent.direction, surface, material, bent.get(n_bent)) {
+                    refracted.push(Sent { from: index(i), direction, end: f64::INFINITY });
                 } else {
                     parent.refracted = Branch::TotalReflection;
                     share += material.transmittance;
                 }
+                n_bent += 1;
             }
-            let direction = reflect(parent.direction, surface);
-            let spawned = Spawned { slot, direction, share: share.max_element(), side: surface.side };
-            let branch = spawn(trees, next, leaving, &spawned, options);
-            trees.nodes[leaving.node as usize].reflected = branch;
+            let direction = reflect(parent.direction, surface, aimed.get(n_aimed));
+            n_aimed += 1;
+            let weight = parent.weight * share.max_element();
+            if is_cut_off(weight) {
+                continue;
+            }
+            parent.reflected = Branch::Node(child);
+            let ray_set = parent.ray_set;
+            trees.nodes.push(self::node(ray_set, slot.reflected(), direction, weight));
+            sent.push(Sent { from: index(i), direction, end: f64::INFINITY });
         }
-    }
-
-    /// The rays of `self.refracted`.
-    fn push_refracted(&mut self, scene: &Scene, slot: Slot, options: &TreeOptions) {
-        let Self { leaving, refracted, next, trees, .. } = self;
-        for &(i, direction) in &*refracted {
-            let leaving = &leaving[i];
-            let Some((_, surface)) = &trees.nodes[leaving.node as usize].hit else { continue };
-            let share = scene.materials()[surface.material.index()].transmittance.max_element();
-            let spawned = Spawned { slot, direction, share, side: surface.side.opposite() };
-            let branch = spawn(trees, next, leaving, &spawned, options);
-            trees.nodes[leaving.node as usize].refracted = branch;
-        }
+        next.extend(slot.reflected(), leaving, sent, |side| side);
+        refracted.retain(|Sent { from, direction, .. }| {
+            let Leaving { node, surface, .. } = &leaving[*from as usize];
+            let child = index(trees.nodes.len());
+            let parent = &mut trees.nodes[*node as usize];
+            let weight = parent.weight * materials[surface.material.index()].transmittance.max_element();
+            if is_cut_off(weight) {
+                return false;
+            }
+            parent.refracted = Branch::Node(child);
+            let ray_set = parent.ray_set;
+            trees.nodes.push(self::node(ray_set, slot.refracted(), *direction, weight));
+            true
+        });
+        next.extend(slot.refracted(), leaving, refracted, Side::opposite);
     }
 }
 
-/// A hit of a slot, with what its node does not know of the rays that leave it.
+/// A hit of a slot: what rays that leave it are made of.
 #[derive(Clone, Copy, Debug)]
-struct Leaving {
-    ray_set: RaySetIndex,
-    node: u32,
+pub(crate) struct Leaving {
+    pub(crate) ray_set: RaySetIndex,
+    pub(crate) node: u32,
     /// Where rays that leave begin to see other surfaces.
-    start: f64,
+    pub(crate) start: f64,
+    /// With the side that the ray came from.
+    pub(crate) from: Originating,
+    pub(crate) surface: Surface,
 }
 
-/// A ray that leaves a hit.
-struct Spawned {
-    slot: Slot,
-    direction: DVec3,
-    /// The greatest share of the intensity of what it meets that the surface passes on.
-    share: f64,
-    side: Side,
-}
-
-/// Adds a ray to the next generation, if it is not cut off.
-#[inline]
-fn spawn(
-    trees: &mut IntersectionTrees,
-    next: &mut Generation,
-    leaving: &Leaving,
-    &Spawned { slot, direction, share, side }: &Spawned,
-    options: &TreeOptions,
-) -> Branch {
-    let Node { weight, ray_set, hit: Some((hit, surface)), .. } = &trees.nodes[leaving.node as usize] else {
-        return Branch::None;
-    };
-    let (weight, ray_set) = (weight * share, *ray_set);
-    if options.cutoff.is_some_and(|cutoff| weight < cutoff) {
-        return Branch::None;
-    }
-    next.push(&RayQuery {
-        ray_set: leaving.ray_set,
-        slot,
-        originating: Some(Originating { object: hit.object, primitive: hit.primitive, side }),
-        ray: Ray::new(surface.point, direction),
-        span: Span { start: leaving.start, end: f64::INFINITY },
-    });
-    let child = index(trees.nodes.len());
-    trees.nodes.push(node(ray_set, slot, direction, weight));
-    Branch::Node(child)
+/// A ray that leaves a hit of a slot.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sent {
+    /// The place of the hit among those of the slot.
+    pub(crate) from: u32,
+    pub(crate) direction: DVec3,
+    /// Where its span ends.
+    pub(crate) end: f64,
 }
 
 #[inline]
@@ -395,36 +417,57 @@ fn surface_at(scene: &Scene, ray: &Ray, hit: &Hit) -> Surface {
     }
 }
 
-/// The direction `d - 2 (n . d) n`; about the surface's own normal where the shading normal would lead into it.
+/// `d - 2 (n . d) n`.
 #[inline]
-fn reflect(d: DVec3, surface: &Surface) -> DVec3 {
-    let about = |n: DVec3| unit(d - 2.0 * n.dot(d) * n).unwrap_or(n);
+fn mirrored(d: DVec3, n: DVec3) -> DVec3 {
+    d - 2.0 * n.dot(d) * n
+}
+
+/// The reflected direction: `aimed`, which is [`mirrored`] scaled to unit length; about the surface's own normal where the
+/// shading normal would lead into it.
+#[inline]
+fn reflect(d: DVec3, surface: &Surface, aimed: DVec3) -> DVec3 {
+    if aimed.dot(surface.normal) > 0.0 {
+        return aimed;
+    }
+    let about = |n: DVec3| unit(mirrored(d, n)).unwrap_or(n);
     let direction = about(surface.shading_normal);
     if direction.dot(surface.normal) > 0.0 { direction } else { about(surface.normal) }
 }
 
-/// The refracted direction by Snell's law; `None` under total internal reflection.
+/// The ratio of the indices of refraction where a ray enters or leaves a material.
+#[inline]
+fn eta(surface: &Surface, material: &Material) -> f64 {
+    match surface.side {
+        Side::Front => 1.0 / material.index,
+        Side::Back => material.index,
+    }
+}
+
+/// The refracted direction, of about unit length, by Snell's law; `None` under total internal reflection.
 ///
 /// With `eta` the ratio of the indices and `c = -n . d`: `eta d + (eta c - sqrt(1 - eta^2 (1 - c^2))) n`.
 #[inline]
-fn refract(d: DVec3, surface: &Surface, material: &Material) -> Option<DVec3> {
-    if (material.index - 1.0).abs() <= 0.0 {
-        return Some(d);
-    }
-    let eta = match surface.side {
-        Side::Front => 1.0 / material.index,
-        Side::Back => material.index,
-    };
-    let direction = refract_about(surface.shading_normal, d, eta)?;
-    if direction.dot(surface.normal) < 0.0 { Some(direction) } else { refract_about(surface.normal, d, eta) }
-}
-
-#[inline]
-fn refract_about(n: DVec3, d: DVec3, eta: f64) -> Option<DVec3> {
+fn bent_by(d: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
     let cosine = -n.dot(d);
     let discriminant = 1.0 - eta * eta * (1.0 - cosine * cosine);
     if discriminant < 0.0 {
         return None;
     }
-    unit(eta * d + (eta * cosine - discriminant.sqrt()) * n)
+    Some(eta * d + (eta * cosine - discriminant.sqrt()) * n)
+}
+
+/// The refracted direction: `aimed`, which is [`bent_by`] scaled to unit length; about the surface's own normal where the
+/// shading normal would lead out of it; `None` under total internal reflection.
+#[inline]
+fn refract(d: DVec3, surface: &Surface, material: &Material, aimed: DVec3) -> Option<DVec3> {
+    if (material.index - 1.0).abs() <= 0.0 {
+        return Some(d);
+    }
+    if aimed.dot(surface.normal) < 0.0 {
+        return Some(aimed);
+    }
+    let about = |n: DVec3| bent_by(d, n, eta(surface, material)).and_then(unit);
+    let direction = about(surface.shading_normal)?;
+    if direction.dot(surface.normal) < 0.0 { Some(direction) } else { about(surface.normal) }
 }

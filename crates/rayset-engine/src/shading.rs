@@ -1,9 +1,10 @@
 //! Whitted's shading rule: from trees to radiance.
 
 use rayset_geometry::glam::DVec3;
-use rayset_scene::{Color, Scene};
+use rayset_scene::{Color, Material, Scene};
 
-use crate::{Branch, IntersectionTrees, LightState, Node, Surface};
+use crate::intersection_tree::Lit;
+use crate::{Branch, IntersectionTrees, Node};
 
 /// The radiance of every ray-set of a bundle, in order: a pure function of the trees and the scene.
 ///
@@ -12,13 +13,22 @@ use crate::{Branch, IntersectionTrees, LightState, Node, Surface};
 /// Source: Whitted 1980, "An improved illumination model for shaded display"; the highlight after Phong 1975.
 pub fn shade(trees: &IntersectionTrees, scene: &Scene, scratch: &mut Vec<Color>, radiance: &mut Vec<Color>) {
     scratch.clear();
-    scratch.resize(trees.nodes().len(), Color::ZERO);
+    scratch.extend(trees.nodes().iter().map(|node| match &node.hit {
+        None => scene.background(),
+        Some((_, surface)) => {
+            let material = &scene.materials()[surface.material.index()];
+            material.emission + scene.ambient() * material.diffuse
+        }
+    }));
+    for lit in &trees.lit {
+        scratch[lit.node as usize] += direct(scene, &trees.nodes()[lit.node as usize], lit);
+    }
     // Children stand behind their parents.
     for (i, node) in trees.nodes().iter().enumerate().rev() {
-        scratch[i] = match &node.hit {
-            None => scene.background(),
-            Some((_, surface)) => shade_hit(trees, scene, i, node, surface, scratch),
-        };
+        if let Some((_, surface)) = &node.hit {
+            let material = &scene.materials()[surface.material.index()];
+            scratch[i] = with_children(node, material, scratch[i], scratch);
+        }
     }
     let roots = trees.nodes().iter().take_while(|node| node.slot == crate::Slot::ROOT).count();
     radiance.extend_from_slice(&scratch[..roots]);
@@ -46,37 +56,31 @@ fn power(base: f64, exponent: f64) -> f64 {
     power
 }
 
-fn shade_hit(
-    trees: &IntersectionTrees,
-    scene: &Scene,
-    i: usize,
-    node: &Node,
-    surface: &Surface,
-    radiance: &[Color],
-) -> Color {
+/// What a light that shines on the hit of a node adds.
+#[inline]
+fn direct(scene: &Scene, node: &Node, &Lit { light, direction, .. }: &Lit) -> Color {
+    let Some((_, surface)) = &node.hit else { return Color::ZERO };
     let material = &scene.materials()[surface.material.index()];
-    let mut sum = material.emission + scene.ambient() * material.diffuse;
-    for (light, state) in scene.lights().iter().zip(trees.lights_of(i)) {
-        if *state != LightState::Visible {
-            continue;
+    let cosine = surface.shading_normal.dot(direction);
+    let mut answer = material.diffuse * cosine;
+    if material.specular.max_element() > 0.0 {
+        let mirrored = 2.0 * cosine * surface.shading_normal - direction;
+        let towards_eye = mirrored.dot(-node.direction);
+        if towards_eye > 0.0 {
+            answer += material.specular * power(towards_eye, material.shininess);
         }
-        let Some(illumination) = light.seen_from(surface.point) else { continue };
-        let cosine = surface.shading_normal.dot(illumination.direction);
-        let mut answer = material.diffuse * cosine;
-        if material.specular.max_element() > 0.0 {
-            let mirrored = 2.0 * cosine * surface.shading_normal - illumination.direction;
-            let towards_eye = mirrored.dot(-node.direction);
-            if towards_eye > 0.0 {
-                answer += material.specular * power(towards_eye, material.shininess);
-            }
-        }
-        sum += light.color() * answer;
     }
-    let mut share: DVec3 = material.reflectance;
-    if node.refracted == Branch::TotalReflection {
-        share += material.transmittance;
-    }
+    scene.lights()[light.index()].color() * answer
+}
+
+/// Adds what the rays bring that a surface sent out.
+#[inline]
+fn with_children(node: &Node, material: &Material, mut sum: Color, radiance: &[Color]) -> Color {
     if let Branch::Node(child) = node.reflected {
+        let mut share: DVec3 = material.reflectance;
+        if node.refracted == Branch::TotalReflection {
+            share += material.transmittance;
+        }
         sum += share * radiance[child as usize];
     }
     if let Branch::Node(child) = node.refracted {
