@@ -262,7 +262,7 @@ impl Generation {
         self.ends.extend(repeat_n(Span::FORWARD.end, n));
     }
 
-    /// Adds rays of a slot that leave hits, each into a side by that which its hit was met from, column by column.
+    /// Adds rays of a slot that leave hits, each into a side by that which its hit was met from.
     pub(crate) fn extend(
         &mut self,
         slot: Slot,
@@ -270,17 +270,25 @@ impl Generation {
         sent: &[Sent],
         side: impl Fn(Side) -> Side,
     ) {
-        let left = || sent.iter().map(|sent| &leaving[sent.from as usize]);
-        self.ray_sets.extend(left().map(|left| left.ray_set));
-        self.slots.extend(repeat_n(slot, sent.len()));
-        let from = |left: &Leaving| Some(Originating { side: side(left.from.side), ..left.from });
-        self.originating.extend(left().map(from));
-        for k in 0..3 {
-            self.origins[k].extend(left().map(|left| left.surface.point[k]));
-            self.directions[k].extend(sent.iter().map(|sent| sent.direction[k]));
+        let (first, n) = (self.len(), sent.len());
+        self.ray_sets.resize(first + n, RaySetIndex(0));
+        self.slots.resize(first + n, slot);
+        self.originating.resize(first + n, None);
+        let floats = self.origins.iter_mut().chain(&mut self.directions);
+        floats.chain([&mut self.starts, &mut self.ends]).for_each(|column| column.resize(first + n, 0.0));
+        let ray_sets = &mut self.ray_sets[first..][..n];
+        let originating = &mut self.originating[first..][..n];
+        let [ox, oy, oz] = self.origins.each_mut().map(|column| &mut column[first..][..n]);
+        let [dx, dy, dz] = self.directions.each_mut().map(|column| &mut column[first..][..n]);
+        let (starts, ends) = (&mut self.starts[first..][..n], &mut self.ends[first..][..n]);
+        for (i, sent) in sent.iter().enumerate() {
+            let Leaving { ray_set, start, from, surface, .. } = &leaving[sent.from as usize];
+            ray_sets[i] = *ray_set;
+            originating[i] = Some(Originating { side: side(from.side), ..*from });
+            (ox[i], oy[i], oz[i]) = surface.point.into();
+            (dx[i], dy[i], dz[i]) = sent.direction.into();
+            (starts[i], ends[i]) = (*start, sent.end);
         }
-        self.starts.extend(left().map(|left| left.start));
-        self.ends.extend(sent.iter().map(|sent| sent.end));
     }
 
     /// Removes all rays and keeps the memory.
