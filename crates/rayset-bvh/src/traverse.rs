@@ -50,6 +50,123 @@ impl Stack {
     }
 }
 
+/// What of a ray the boxes of a node are tested with, in every lane.
+#[derive(Clone, Copy)]
+struct BoxRay<S: Simd> {
+    near_planes: [usize; 3],
+    far_planes: [usize; 3],
+    inverse: [S::F32; 3],
+    near_offset: [S::F32; 3],
+    far_offset: [S::F32; 3],
+    start: S::F32,
+}
+
+impl<S: Simd> BoxRay<S> {
+    #[inline(always)]
+    fn new(simd: S, ray: &CullRay) -> Self {
+        let (near_planes, far_planes) = (ray.near, ray.far);
+        // Known here, so that no load has to ask.
+        assert!(near_planes[0].max(near_planes[1]).max(near_planes[2]) < 6, "a node has six planes");
+        assert!(far_planes[0].max(far_planes[1]).max(far_planes[2]) < 6, "a node has six planes");
+        Self {
+            near_planes,
+            far_planes,
+            inverse: splat(simd, ray.inverse),
+            near_offset: splat(simd, ray.near_offset),
+            far_offset: splat(simd, ray.far_offset),
+            start: simd.splat_f32(ray.start),
+        }
+    }
+
+    /// Where the ray enters and leaves the boxes of a node.
+    #[inline(always)]
+    fn test<const W: usize>(&self, simd: S, node: &Node<W>, ends: S::F32) -> [S::F32; 2] {
+        let ([ix, iy, iz], [nx, ny, nz], [fx, fy, fz]) = (self.inverse, self.near_offset, self.far_offset);
+        let [near_x, near_y, near_z] = load(simd, node, self.near_planes);
+        let [far_x, far_y, far_z] = load(simd, node, self.far_planes);
+        let (near_x, far_x) = (near_x.mul_add(ix, nx), far_x.mul_add(ix, fx));
+        let (near_y, far_y) = (near_y.mul_add(iy, ny), far_y.mul_add(iy, fy));
+        let (near_z, far_z) = (near_z.mul_add(iz, nz), far_z.mul_add(iz, fz));
+        let near = near_x.max(near_y).max(near_z.max(self.start));
+        let far = far_x.min(far_y).min(far_z.min(ends));
+        [near, far]
+    }
+}
+
+/// The child of a node that a ray enters first; the others that it enters are put on the stack, the nearest last.
+#[inline(always)]
+fn enter<S: Simd, const W: usize>(
+    simd: S,
+    node: &Node<W>,
+    ray: &BoxRay<S>,
+    ends: S::F32,
+    stack: &mut [u64],
+    height: &mut usize,
+) -> Option<Child> {
+    let [near, far] = ray.test(simd, node, ends);
+    let mut bits = near.le(far).bits();
+    if bits == 0 {
+        return None;
+    }
+    let first = bits.trailing_zeros() as usize % W;
+    bits &= bits - 1;
+    if bits == 0 {
+        return Some(Child(node.children[first]));
+    }
+    // Clamped, and so is what it is compared with: a distance below zero sorts as zero.
+    let near = near.max(simd.splat_f32(0.0));
+    let mut entries = Aligned([0.0; W]);
+    near.store(&mut entries.0);
+    let entries = &entries.0;
+    let second = bits.trailing_zeros() as usize % W;
+    bits &= bits - 1;
+    let (a, b) = (entry(node, entries, first), entry(node, entries, second));
+    let (mut a, mut b) = (a.min(b), a.max(b));
+    // A third that is not there lies behind all others; what is pushed after it takes its place.
+    let third = bits.trailing_zeros() as usize % W;
+    let has_third = bits != 0;
+    bits &= bits.wrapping_sub(1);
+    let mut c = if has_third { entry(node, entries, third) } else { u64::MAX };
+    (b, c) = (b.min(c), b.max(c));
+    (a, b) = (a.min(b), a.max(b));
+    let base = *height;
+    stack[*height] = c;
+    *height += usize::from(has_third);
+    stack[*height] = b;
+    *height += 1;
+    while bits != 0 {
+        let lane = bits.trailing_zeros() as usize % W;
+        bits &= bits - 1;
+        let other = entry(node, entries, lane);
+        let (nearer, other) = (a.min(other), a.max(other));
+        a = nearer;
+        // Insertion into what this node has pushed, the nearest last.
+        let mut place = *height;
+        while place > base && stack[place - 1] < other {
+            stack[place] = stack[place - 1];
+            place -= 1;
+        }
+        stack[place] = other;
+        *height += 1;
+    }
+    Some(child_of(a))
+}
+
+/// The next child on the stack that a ray enters before the end, given by its bits.
+#[inline(always)]
+fn next(stack: &[u64], height: &mut usize, end_bits: u32) -> Option<Child> {
+    loop {
+        if *height == 0 {
+            return None;
+        }
+        *height -= 1;
+        let entry = stack[*height];
+        if (entry >> 32) as u32 <= end_bits {
+            return Some(child_of(entry));
+        }
+    }
+}
+
 /// Visits the leaves whose boxes the ray may meet, the nearest first as far as boxes tell.
 #[inline(always)]
 pub(crate) fn traverse<S: Simd, const W: usize>(
@@ -62,25 +179,18 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
     visitor: &mut impl Visitor,
 ) {
     assert!(S::F32::LANES == W, "a node is as wide as the lanes");
-    // Known here, so that no load has to ask.
-    let (near_planes, far_planes) = (ray.near, ray.far);
-    assert!(near_planes[0].max(near_planes[1]).max(near_planes[2]) < 6, "a node has six planes");
-    assert!(far_planes[0].max(far_planes[1]).max(far_planes[2]) < 6, "a node has six planes");
-    let [ix, iy, iz] = splat(simd, ray.inverse);
-    let [nx, ny, nz] = splat(simd, ray.near_offset);
-    let [fx, fy, fz] = splat(simd, ray.far_offset);
-    let start = simd.splat_f32(ray.start);
+    let ray = BoxRay::new(simd, ray);
     let mut ends = simd.splat_f32(end);
     let mut end_bits = end.max(0.0).to_bits();
     let stack = stack.entries.as_mut_slice();
     let mut height = 0;
     let mut current = tree.root;
     let (mut nodes, mut leaves) = (0, 0);
-    'visit: loop {
+    loop {
         if current.is_leaf() {
             leaves += 1;
             match visitor.leaf(current.index()) {
-                None => break 'visit,
+                None => break,
                 Some(end) => {
                     ends = simd.splat_f32(end);
                     end_bits = end.max(0.0).to_bits();
@@ -89,77 +199,39 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
         } else {
             nodes += 1;
             let node = &tree.nodes[current.index()];
-            let [near_x, near_y, near_z] = load(simd, node, near_planes);
-            let [far_x, far_y, far_z] = load(simd, node, far_planes);
-            let (near_x, far_x) = (near_x.mul_add(ix, nx), far_x.mul_add(ix, fx));
-            let (near_y, far_y) = (near_y.mul_add(iy, ny), far_y.mul_add(iy, fy));
-            let (near_z, far_z) = (near_z.mul_add(iz, nz), far_z.mul_add(iz, fz));
-            let near = near_x.max(near_y).max(near_z.max(start));
-            let far = far_x.min(far_y).min(far_z.min(ends));
-            let met = near.le(far);
-            let mut bits = met.bits();
-            if bits != 0 {
-                let first = bits.trailing_zeros() as usize % W;
-                bits &= bits - 1;
-                if bits == 0 {
-                    current = Child(node.children[first]);
-                    continue;
-                }
-                // Clamped, and so is what it is compared with: a distance below zero sorts as zero.
-                let near = near.max(simd.splat_f32(0.0));
-                let mut entries = Aligned([0.0; W]);
-                near.store(&mut entries.0);
-                let entries = &entries.0;
-                let second = bits.trailing_zeros() as usize % W;
-                bits &= bits - 1;
-                let (a, b) = (entry(node, entries, first), entry(node, entries, second));
-                let (mut a, mut b) = (a.min(b), a.max(b));
-                // A third that is not there lies behind all others; what is pushed after it takes its place.
-                let third = bits.trailing_zeros() as usize % W;
-                let has_third = bits != 0;
-                bits &= bits.wrapping_sub(1);
-                let mut c = if has_third { entry(node, entries, third) } else { u64::MAX };
-                (b, c) = (b.min(c), b.max(c));
-                (a, b) = (a.min(b), a.max(b));
-                let base = height;
-                stack[height] = c;
-                height += usize::from(has_third);
-                stack[height] = b;
-                height += 1;
-                while bits != 0 {
-                    let lane = bits.trailing_zeros() as usize % W;
-                    bits &= bits - 1;
-                    let other = entry(node, entries, lane);
-                    let (nearer, other) = (a.min(other), a.max(other));
-                    a = nearer;
-                    // Insertion into what this node has pushed, the nearest last.
-                    let mut place = height;
-                    while place > base && stack[place - 1] < other {
-                        stack[place] = stack[place - 1];
-                        place -= 1;
-                    }
-                    stack[place] = other;
-                    height += 1;
-                }
-                current = child_of(a);
+            if let Some(child) = enter(simd, node, &ray, ends, stack, &mut height) {
+                current = child;
                 continue;
             }
         }
-        // The next that the ray enters before the end.
-        loop {
-            if height == 0 {
-                break 'visit;
-            }
-            height -= 1;
-            let entry = stack[height];
-            if (entry >> 32) as u32 <= end_bits {
-                current = child_of(entry);
-                break;
-            }
+        match next(stack, &mut height, end_bits) {
+            Some(child) => current = child,
+            None => break,
         }
     }
     steps.nodes += nodes;
     steps.leaves += leaves;
+}
+
+/// The children of a node that a ray enters: one, and the others on the stack.
+#[inline(always)]
+fn enter_any<S: Simd, const W: usize>(
+    simd: S,
+    node: &Node<W>,
+    ray: &BoxRay<S>,
+    ends: S::F32,
+    stack: &mut [u32],
+    height: &mut usize,
+) -> Option<Child> {
+    let [near, far] = ray.test(simd, node, ends);
+    let bits = near.le(far).bits();
+    if bits == 0 {
+        return None;
+    }
+    let others = bits & (bits - 1);
+    simd.compress_u32(simd.mask_f32(others), &node.children, &mut stack[*height..*height + W]);
+    *height += others.count_ones() as usize;
+    Some(Child(node.children[bits.trailing_zeros() as usize % W]))
 }
 
 /// Visits leaves whose boxes the ray may meet, in any order, until one says that the ray is stopped; whether one did.
@@ -176,13 +248,7 @@ pub(crate) fn is_stopped<S: Simd, const W: usize>(
     visitor: &mut impl Visitor,
 ) -> bool {
     assert!(S::F32::LANES == W, "a node is as wide as the lanes");
-    let (near_planes, far_planes) = (ray.near, ray.far);
-    assert!(near_planes[0].max(near_planes[1]).max(near_planes[2]) < 6, "a node has six planes");
-    assert!(far_planes[0].max(far_planes[1]).max(far_planes[2]) < 6, "a node has six planes");
-    let [ix, iy, iz] = splat(simd, ray.inverse);
-    let [nx, ny, nz] = splat(simd, ray.near_offset);
-    let [fx, fy, fz] = splat(simd, ray.far_offset);
-    let (start, end) = (simd.splat_f32(ray.start), simd.splat_f32(end));
+    let (ray, ends) = (BoxRay::new(simd, ray), simd.splat_f32(end));
     let stack = stack.children.as_mut_slice();
     let mut height = 0;
     let mut current = tree.root;
@@ -196,18 +262,8 @@ pub(crate) fn is_stopped<S: Simd, const W: usize>(
         } else {
             nodes += 1;
             let node = &tree.nodes[current.index()];
-            let [near_x, near_y, near_z] = load(simd, node, near_planes);
-            let [far_x, far_y, far_z] = load(simd, node, far_planes);
-            let (near_x, far_x) = (near_x.mul_add(ix, nx), far_x.mul_add(ix, fx));
-            let (near_y, far_y) = (near_y.mul_add(iy, ny), far_y.mul_add(iy, fy));
-            let (near_z, far_z) = (near_z.mul_add(iz, nz), far_z.mul_add(iz, fz));
-            let met = near_x.max(near_y).max(near_z.max(start)).le(far_x.min(far_y).min(far_z.min(end)));
-            let bits = met.bits();
-            if bits != 0 {
-                let others = bits & (bits - 1);
-                current = Child(node.children[bits.trailing_zeros() as usize % W]);
-                simd.compress_u32(simd.mask_f32(others), &node.children, &mut stack[height..height + W]);
-                height += others.count_ones() as usize;
+            if let Some(child) = enter_any(simd, node, &ray, ends, stack, &mut height) {
+                current = child;
                 continue;
             }
         }
