@@ -39,7 +39,7 @@ mod shapes;
 mod together;
 mod traverse;
 
-pub use axes::AXIS_MARGIN;
+pub use axes::{AXIS_MARGIN, REACH_MARGIN};
 pub use batch::Query;
 pub use boxes::BoxHierarchy;
 pub use bundle::{BundleScratch, Bundled};

@@ -332,7 +332,7 @@ impl<const W: usize> Shapes<W> {
                     self.nearest_in_fans::<S, C>(run, ray, cull, nearest, end);
                 }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(part) = self.part(run, ray)
+                    if let Some(part) = self.part(run, ray, *end)
                         && let Some(hit) =
                             self.columns.nearest(&ray.probe(self.is_flat), &part, ray.departure)
                     {
@@ -422,7 +422,7 @@ impl<const W: usize> Shapes<W> {
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block::<S, C>(i, ray, end),
                 PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(run, ray, end),
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(part) = self.part(run, ray) {
+                    if let Some(part) = self.part(run, ray, end) {
                         self.columns.any(&ray.probe(self.is_flat), &part, ray.departure).is_some()
                     } else {
                         false
@@ -456,11 +456,12 @@ impl<const W: usize> Shapes<W> {
 
     /// What of a run of cones, or of polygons without a block, the `f64` test must look at.
     #[inline(always)]
-    fn part<S: Simd>(&self, run: &Run, ray: &Prepared<S>) -> Option<ColumnRun> {
+    fn part<S: Simd>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> Option<ColumnRun> {
         if run.block == NO_BLOCK {
             return Some(run.columns());
         }
-        let candidates = self.axis_blocks[run.block as usize].candidates(&ray.leaf);
+        let (front, back) = Self::allowed(run, ray.departure);
+        let candidates = self.axis_blocks[run.block as usize].candidates(&ray.leaf, end) & (front | back);
         if candidates == 0 {
             return None;
         }

@@ -3,6 +3,7 @@
 use rayset_geometry::{PrimitiveKind, Sides};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
+use crate::axes::AxisRays;
 use crate::exact::{Departing, Exact, NONE, PLACE_BITS, Sure, record_of};
 use crate::interval::{self, Intervals, SpanLanes};
 use crate::packet::Packet;
@@ -340,8 +341,9 @@ impl<const W: usize> Shapes<W> {
         );
         if possible.any() {
             if run.kind == PrimitiveKind::Cone {
-                let rays = (packet.origin, packet.direction);
-                let met = self.axis_block(run).rays_that_meet(simd, place as usize, rays, shaft.unit);
+                let (ways, spans) = ([packet.origin, packet.direction], [packet.start, packet.ends]);
+                let rays = AxisRays::new(ways, spans, shaft.unit);
+                let met = self.axis_block(run).rays_that_meet(simd, place as usize, &rays);
                 possible = possible & met;
             } else if let Some(fans) = self.fan_block(run) {
                 let Intervals { possible: met, sure, low: nearest, high } =

@@ -8,8 +8,8 @@ use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 use crate::departure::Allowed;
 use crate::probe::map3;
 use crate::{
-    BoundingBox, Cone, Departure, Polygon, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle,
-    cone, polygon, sphere, triangle,
+    BoundingBox, Cone, ConeAxis, Departure, Polygon, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere,
+    Triangle, cone, polygon, sphere, triangle,
 };
 
 /// Primitives of all kinds, a structure of arrays for each kind.
@@ -182,14 +182,13 @@ impl PrimitiveColumns {
         Triangle::new(vertex(0), vertex(1), vertex(2))
     }
 
-    /// The axis of a cone, a point and a unit vector, and how far from it any hit lies, up to the rounding of
-    /// coordinates; in world space.
+    /// The axis of a cone.
     ///
     /// # Panics
     ///
     /// If there is no such cone.
     #[must_use]
-    pub fn cone_axis(&self, index: u32) -> (DVec3, DVec3, f64) {
+    pub fn cone_axis(&self, index: u32) -> ConeAxis {
         Cone::axis_of(&std::array::from_fn(|k| self.cones[k][index as usize]))
     }
 

@@ -127,12 +127,12 @@ impl Cone {
         boxes.into_iter().collect()
     }
 
-    /// A point of the axis, its direction, and the largest radius of these [`parameters`](Self::parameters) and the
-    /// thickness.
-    pub(crate) fn axis_of(parameters: &[f64; PARAMETERS]) -> (DVec3, DVec3, f64) {
+    /// The axis of the cone of these [`parameters`](Self::parameters).
+    pub(crate) fn axis_of(parameters: &[f64; PARAMETERS]) -> ConeAxis {
         let [bx, by, bz, ax, ay, az, height, base_radius, slope, _, widest] = *parameters;
         let radius = base_radius.max(base_radius + slope * height);
-        (DVec3::new(bx, by, bz), DVec3::new(ax, ay, az), widest + (widest - radius))
+        let reach = widest + (widest - radius);
+        ConeAxis { base: DVec3::new(bx, by, bz), direction: DVec3::new(ax, ay, az), height, reach }
     }
 
     /// How far from the truncated solid cone a computed hit may lie, apart from the rounding of coordinates; in world
@@ -150,6 +150,19 @@ impl Cone {
         let widest = self.base_radius.max(self.apex_radius) + 0.5 * self.thickness;
         [bx, by, bz, ax, ay, az, self.height, self.base_radius, self.slope, across, widest]
     }
+}
+
+/// The axis of a cone, and where hits lie beside it; in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConeAxis {
+    /// The centre of the first circle.
+    pub base: DVec3,
+    /// The unit vector towards the other.
+    pub direction: DVec3,
+    /// How far the other is: along the axis hits lie between the two, up to the rounding of coordinates.
+    pub height: f64,
+    /// How far from the axis any hit lies at most, up to the rounding of coordinates.
+    pub reach: f64,
 }
 
 /// How many numbers describe a cone to [`intersect`].

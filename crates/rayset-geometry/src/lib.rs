@@ -37,7 +37,7 @@ mod vectors;
 pub use bounding::{BoundingSphere, enclosing_sphere};
 pub use bounding_box::BoundingBox;
 pub use columns::{ColumnHit, ColumnRun, PrimitiveColumns};
-pub use cone::Cone;
+pub use cone::{Cone, ConeAxis};
 pub use cylinder::Cylinder;
 pub use departure::Departure;
 pub use exact::compare_products;

@@ -170,7 +170,7 @@ impl<const W: usize> Shapes<W> {
                 }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
                     if kind == PrimitiveKind::Cone {
-                        self.axis_blocks[block].set(lane, source.cone_axis(index), frame);
+                        self.axis_blocks[block].set(lane, &source.cone_axis(index), frame);
                     }
                     let bounds = frame.cull_box(&source.bounding_box(kind, index));
                     self.box_blocks[boxes as usize].set(lane, &bounds);
