@@ -28,6 +28,9 @@ pub struct PrimitiveColumns {
     /// Where each polygon's vertices start, and one past the end of the last.
     polygon_starts: Vec<u32>,
     polygon_normals: Vec<DVec3>,
+    /// The boxes of the parts of long polygons, and where those of each polygon start.
+    polygon_boxes: [Vec<f64>; 6],
+    polygon_box_starts: Vec<u32>,
 }
 
 /// A range of primitives of one kind, all visible from the same sides.
@@ -74,6 +77,8 @@ impl Default for PrimitiveColumns {
             polygon_vertices: padded(),
             polygon_starts: vec![0],
             polygon_normals: Vec::new(),
+            polygon_boxes: padded(),
+            polygon_box_starts: Vec::new(),
         }
     }
 }
@@ -98,11 +103,7 @@ impl PrimitiveColumns {
             }
             Primitive::Cone(cone) => push_all(&mut self.cones, cone.parameters()),
             Primitive::Polygon(polygon) => {
-                for vertex in polygon.vertices().iter().chain(&polygon.vertices()[..1]) {
-                    push_all(&mut self.polygon_vertices, vertex.to_array());
-                }
-                self.polygon_starts.push(index_of(self.polygon_vertices[0].len() - MAX_LANES));
-                self.polygon_normals.push(polygon.normal());
+                self.push_polygon(polygon.vertices(), polygon.normal());
             }
         }
         ColumnRun { kind, sides, range: index..index + 1 }
@@ -252,26 +253,32 @@ impl PrimitiveColumns {
             }
             PrimitiveKind::Cone => push_all(&mut self.cones, std::array::from_fn(|k| other.cones[k][i])),
             PrimitiveKind::Polygon => {
-                for v in other.polygon_starts[i] as usize..other.polygon_starts[i + 1] as usize {
-                    push_all(
-                        &mut self.polygon_vertices,
-                        std::array::from_fn(|k| other.polygon_vertices[k][v]),
-                    );
-                }
-                self.polygon_starts.push(index_of(self.polygon_vertices[0].len() - MAX_LANES));
-                self.polygon_normals.push(other.polygon_normals[i]);
+                self.push_polygon(&other.polygon_vertices(index), other.polygon_normals[i]);
             }
         }
         ColumnRun { kind, sides, range: new..new + 1 }
     }
 
+    fn push_polygon(&mut self, vertices: &[DVec3], normal: DVec3) {
+        for vertex in vertices.iter().chain(&vertices[..1]) {
+            push_all(&mut self.polygon_vertices, vertex.to_array());
+        }
+        self.polygon_box_starts.push(index_of(self.polygon_boxes[0].len() - MAX_LANES));
+        for planes in polygon::boxes_of(vertices) {
+            push_all(&mut self.polygon_boxes, planes);
+        }
+        self.polygon_starts.push(index_of(self.polygon_vertices[0].len() - MAX_LANES));
+        self.polygon_normals.push(normal);
+    }
+
     /// How many bytes the columns take.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let columns =
-            self.spheres.iter().chain(&self.triangles).chain(&self.cones).chain(&self.polygon_vertices);
+        let polygons = self.polygon_vertices.iter().chain(&self.polygon_boxes);
+        let columns = self.spheres.iter().chain(&self.triangles).chain(&self.cones).chain(polygons);
         columns.map(|column| size_of_val(&column[..])).sum::<usize>()
             + size_of_val(&self.polygon_starts[..])
+            + size_of_val(&self.polygon_box_starts[..])
             + size_of_val(&self.polygon_normals[..])
     }
 
@@ -391,7 +398,10 @@ impl PrimitiveColumns {
     #[inline(always)]
     fn intersect_polygon<S: Simd>(&self, probe: &Probe<S>, i: usize) -> Option<(Side, f64)> {
         let (start, next) = (self.polygon_starts[i] as usize, self.polygon_starts[i + 1] as usize);
-        polygon::intersect(probe, &VertexColumns { columns: &self.polygon_vertices, start }, next - start - 1)
+        let first_box = self.polygon_box_starts[i] as usize;
+        let (columns, boxes) = (&self.polygon_vertices, &self.polygon_boxes);
+        let vertices = VertexColumns { columns, start, boxes, first_box };
+        polygon::intersect(probe, &vertices, next - start - 1)
     }
 }
 
@@ -431,6 +441,8 @@ impl<S: Simd> LaneTest<S> for TriangleTest<'_> {
 struct VertexColumns<'a> {
     columns: &'a [Vec<f64>; 3],
     start: usize,
+    boxes: &'a [Vec<f64>; 6],
+    first_box: usize,
 }
 
 impl<S: Simd> polygon::Vertices<S> for VertexColumns<'_> {
@@ -438,6 +450,11 @@ impl<S: Simd> polygon::Vertices<S> for VertexColumns<'_> {
     fn load(&self, simd: S, i: usize) -> [S::F64; 3] {
         let ([x, y, z], i) = (self.columns, self.start + i);
         [simd.load_f64(&x[i..]), simd.load_f64(&y[i..]), simd.load_f64(&z[i..])]
+    }
+
+    #[inline(always)]
+    fn may_cross(&self, probe: &Probe<S>, factors: [S::F64; 3], first: usize) -> u32 {
+        polygon::parts_that_may_cross(probe, factors, self.boxes, self.first_box + first)
     }
 }
 

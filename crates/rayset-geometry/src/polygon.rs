@@ -79,38 +79,40 @@ pub(crate) fn intersect<S: Simd>(
     let factors = map3(probe.shear.factors, |factor| simd.splat_f64(factor));
     let mut crossings = Crossings::default();
     let mut winding = 0;
-    for i in (0..count).step_by(S::F64::LANES) {
+    let mut parts = Parts::new(count);
+    while let Some(i) = parts.next(probe, factors, vertices) {
         let ([px, py, pz], [qx, qy, qz]) = (
             sheared(probe, factors, vertices.load(simd, i)),
             sheared(probe, factors, vertices.load(simd, i + 1)),
         );
         let (p_above, q_above) = (py.gt(zero), qy.gt(zero));
         let real = (1_u32 << (count - i).min(S::F64::LANES)) - 1;
-        let crossing = ((p_above & !q_above) | (q_above & !p_above)).bits() & real;
+        let mut crossing = ((p_above & !q_above) | (q_above & !p_above)).bits() & real;
         if crossing == 0 {
             continue;
         }
-        let numerator = px * qy - py * qx;
         let rise = qy - py;
         let fraction = -py / rise;
+        let (mut numerators, mut rises) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
+        (px * qy - py * qx).store(&mut numerators);
+        rise.store(&mut rises);
         // x is no quotient of the numerator, which may have lost its digits to underflow.
-        let mut depth_lanes = [0.0; MAX_LANES];
-        let mut x_lanes = [0.0; MAX_LANES];
-        between(fraction, pz, qz).store(&mut depth_lanes);
-        between(fraction, px, qx).store(&mut x_lanes);
-        for lane in 0..S::F64::LANES {
-            if crossing >> lane & 1 == 0 {
-                continue;
-            }
-            let sign = if numerator.lane(lane).abs() > 0.0 {
-                numerator.lane(lane).total_cmp(&0.0)
+        let (mut xs, mut depths) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
+        between(fraction, px, qx).store(&mut xs);
+        between(fraction, pz, qz).store(&mut depths);
+        while crossing != 0 {
+            let lane = crossing.trailing_zeros() as usize % MAX_LANES;
+            crossing &= crossing - 1;
+            let numerator = numerators[lane];
+            let sign = if numerator.abs() > 0.0 {
+                numerator.total_cmp(&0.0)
             } else {
                 compare_products(px.lane(lane), qy.lane(lane), py.lane(lane), qx.lane(lane))
             };
-            let is_right = sign.is_ne() && sign.is_gt() == (rise.lane(lane) > 0.0);
-            let candidate = Crossing { x: x_lanes[lane], depth: depth_lanes[lane] };
-            if is_right {
-                winding += if rise.lane(lane) > 0.0 { 1 } else { -1 };
+            let rises = rises[lane] > 0.0;
+            let candidate = Crossing { x: xs[lane], depth: depths[lane] };
+            if sign.is_ne() && sign.is_gt() == rises {
+                winding += if rises { 1 } else { -1 };
                 crossings.add_right(candidate);
             } else {
                 crossings.add_left(candidate);
@@ -129,6 +131,108 @@ pub(crate) fn intersect<S: Simd>(
 pub(crate) trait Vertices<S: Simd> {
     /// The vertices `i`, `i + 1`, ... as many as there are lanes; the first stands once more after the last.
     fn load(&self, simd: S, i: usize) -> [S::F64; 3];
+
+    /// Which of the parts `first`, `first + 1`, ... as many as there are lanes, may have an edge that crosses the x axis.
+    #[inline(always)]
+    fn may_cross(&self, _probe: &Probe<S>, _factors: [S::F64; 3], _first: usize) -> u32 {
+        u32::MAX
+    }
+}
+
+/// How many edges stand in one part of a polygon.
+pub(crate) const PART: usize = 8;
+/// Polygons of more edges are tested part by part: first the boxes of parts, then the edges of those that may cross.
+pub(crate) const LONG: usize = 2 * PART;
+
+/// The boxes of the parts of a polygon: lower x, y, z, then upper, `PART` edges a box; nothing unless it is [`LONG`].
+pub(crate) fn boxes_of(vertices: &[DVec3]) -> impl Iterator<Item = [f64; 6]> {
+    let count = vertices.len();
+    let n = if count > LONG { count.div_ceil(PART) } else { 0 };
+    (0..n).map(move |part| {
+        let ends = part * PART..=((part + 1) * PART).min(count);
+        let of_part = ends.map(|i| vertices[i % count]);
+        let (low, high) = of_part.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), vertex| {
+            (low.min(vertex), high.max(vertex))
+        });
+        [low.x, low.y, low.z, high.x, high.y, high.z]
+    })
+}
+
+/// Which of the parts with the boxes from `first` on may have an edge that crosses the x axis of sheared space.
+///
+/// An edge crosses it whose ends are told apart by whether their sheared y is above zero. What is computed here for the
+/// ends of a box is computed by the operations of [`sheared`], each of which is monotonic in every operand, rounding
+/// and all: so no vertex of the box has a computed y beyond these two, and there is no margin.
+#[inline(always)]
+pub(crate) fn parts_that_may_cross<S: Simd>(
+    probe: &Probe<S>,
+    [_, sy, _]: [S::F64; 3],
+    boxes: &[Vec<f64>; 6],
+    first: usize,
+) -> u32 {
+    let ([_, ay, az], origin, simd) = (probe.shear.axes, &probe.lanes.origin, probe.simd);
+    let plane = |k: usize| &boxes[k][first..];
+    let zero = simd.splat_f64(0.0);
+    let at_low = sy * (simd.load_f64(plane(az)) - origin[az]);
+    let at_high = sy * (simd.load_f64(plane(3 + az)) - origin[az]);
+    let least = (simd.load_f64(plane(ay)) - origin[ay]) - at_low.max(at_high);
+    let greatest = (simd.load_f64(plane(3 + ay)) - origin[ay]) - at_low.min(at_high);
+    // Coordinates so large that their difference is no number bound nothing.
+    let is_bound = at_low.eq(at_low) & at_high.eq(at_high);
+    !(is_bound & (least.gt(zero) | greatest.le(zero))).bits()
+}
+
+/// Goes through the edges of a polygon that may cross the x axis, as many at a time as there are lanes.
+struct Parts {
+    count: usize,
+    /// The next edge, and the end of its part.
+    next: usize,
+    end: usize,
+    /// The parts that may cross, of those from `base` on.
+    bits: u32,
+    base: usize,
+    next_base: usize,
+}
+
+impl Parts {
+    #[inline(always)]
+    fn new(count: usize) -> Self {
+        // A short polygon is one part.
+        let end = if count > LONG { 0 } else { count };
+        Self { count, next: 0, end, bits: 0, base: 0, next_base: 0 }
+    }
+
+    /// The first of the edges to be tested next.
+    #[inline(always)]
+    fn next<S: Simd>(
+        &mut self,
+        probe: &Probe<S>,
+        factors: [S::F64; 3],
+        vertices: &impl Vertices<S>,
+    ) -> Option<usize> {
+        if self.next >= self.end {
+            if self.count <= LONG {
+                return None;
+            }
+            let n = self.count.div_ceil(PART);
+            while self.bits == 0 {
+                self.base = self.next_base;
+                if self.base >= n {
+                    return None;
+                }
+                self.next_base += S::F64::LANES;
+                let real = (1 << (n - self.base).min(S::F64::LANES)) - 1;
+                self.bits = vertices.may_cross(probe, factors, self.base) & real;
+            }
+            let part = self.base + self.bits.trailing_zeros() as usize;
+            self.bits &= self.bits - 1;
+            self.next = part * PART;
+            self.end = (self.next + PART).min(self.count);
+        }
+        let next = self.next;
+        self.next += S::F64::LANES;
+        Some(next)
+    }
 }
 
 impl Vertices<Scalar> for Polygon {

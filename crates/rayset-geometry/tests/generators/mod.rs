@@ -62,16 +62,20 @@ fn triangle(center: DVec3, size: f64) -> impl Strategy<Value = Primitive> {
     )
 }
 
-/// A polygon round `center` with three to eight corners, star-shaped about it; concave more often than not.
+/// A polygon round `center` with three to eight corners, or many, star-shaped about it; concave more often than not.
 fn polygon(center: DVec3, size: f64) -> impl Strategy<Value = Primitive> {
-    let corners = prop::collection::vec(0.2..1.0, 3..=8);
+    let corners = |n| prop::collection::vec(0.2..1.0, n);
+    let corners = prop_oneof![3 => corners(3..=8), 1 => corners(9..=150)];
     (vector(), vector(), corners).prop_filter_map("no area", move |(a, b, radii)| {
         let x = unit(a)?;
         let y = unit(b - b.dot(x) * x)?;
         let octagon = [(4, 0), (3, 3), (0, 4), (-3, 3), (-4, 0), (-3, -3), (0, -4), (3, -3)];
         let corner = |(i, &radius): (usize, &f64)| {
-            let (u, v) = octagon[i * 8 / radii.len()];
-            center + radius * 0.25 * size * (f64::from(u) * x + f64::from(v) * y)
+            // Beyond eight, between its corners.
+            let n = radii.len();
+            let (place, between) = (i * 8 / n, if n > 8 { (i * 8 % n) as f64 / n as f64 } else { 0.0 });
+            let at = |k: usize| f64::from(octagon[k % 8].0) * x + f64::from(octagon[k % 8].1) * y;
+            center + radius * 0.25 * size * at(place).lerp(at(place + 1), between)
         };
         Polygon::new(radii.iter().enumerate().map(corner).collect()).map(Primitive::from)
     })
