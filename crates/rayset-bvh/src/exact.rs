@@ -47,6 +47,87 @@ impl<const W: usize> Exact<'_, W> {
     }
 }
 
+/// The exact hits of rays of a packet, of one primitive.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ExactHits<const W: usize> {
+    /// The lanes of the rays that hit it.
+    pub(crate) lanes: u32,
+    /// Where they do.
+    pub(crate) t: [f64; W],
+    pub(crate) primitive: u32,
+}
+
+/// Some rays of a packet, and a primitive that they may hit.
+pub(crate) struct ExactTogether<'a, const W: usize> {
+    pub(crate) exact: &'a Exact<'a, W>,
+    /// The number of the packet's first ray.
+    pub(crate) first: usize,
+    pub(crate) lanes: u32,
+    /// The lanes that leave the primitive, and those that do so into its front.
+    pub(crate) leaving: (u32, u32),
+    pub(crate) record: u32,
+}
+
+impl<S: Simd, const W: usize> Part<S> for ExactTogether<'_, W> {
+    type Output = ExactHits<W>;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> ExactHits<W> {
+        let Self { exact, first, mut lanes, leaving: (leaving, outwards), record } = self;
+        let Exact { shapes, rays, .. } = exact;
+        let Sure { kind, index, sides } = exact.sure(record);
+        let mut hits = ExactHits { lanes: 0, t: [0.0; W], primitive: shapes.number(kind, index) };
+        let pairs = S::F64::LANES;
+        let mut lane = 0;
+        while kind == PrimitiveKind::Cone && lanes >> lane != 0 && first + lane + pairs <= rays.len() {
+            let wanted = lanes & (u32::MAX >> (32 - pairs)) << lane;
+            if wanted != 0 {
+                let pair = rays.lanes(simd, first + lane);
+                let front = if sides == Sides::Back { 0 } else { wanted & !leaving };
+                let back = if sides == Sides::Front { 0 } else { wanted & !outwards };
+                let sides = (simd.mask_f64(front >> lane), simd.mask_f64(back >> lane));
+                let (is_hit, t) = shapes.columns.cone_by_rays(simd, index, &pair.rays, pair.span, sides);
+                t.store(&mut hits.t[lane..]);
+                hits.lanes |= is_hit.bits() << lane;
+                lanes &= !wanted;
+            }
+            lane += pairs;
+        }
+        // Of other kinds few are in doubt; and too few are left in the columns for all lanes.
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            if let Some(hit) = exact.hit(simd, first + lane, record) {
+                hits.lanes |= 1 << lane;
+                hits.t[lane] = hit.t;
+            }
+        }
+        hits
+    }
+}
+
+/// Rays of columns, a lane each, and where their spans start and end.
+struct LanesOfColumns<S: Simd> {
+    rays: RayLanes<S>,
+    span: [S::F64; 2],
+}
+
+impl RayColumns<'_> {
+    /// The rays from one on, of which there are as many as there are lanes.
+    #[inline(always)]
+    fn lanes<S: Simd>(&self, simd: S, at: usize) -> LanesOfColumns<S> {
+        let zero = simd.splat_f64(0.0);
+        let mut rays = RayLanes { origin: [zero; 3], direction: [zero; 3] };
+        for k in 0..3 {
+            rays.origin[k] = simd.load_f64(&self.origins[k][at..]);
+            rays.direction[k] = simd.load_f64(&self.directions[k][at..]);
+        }
+        // A ray is a half-line.
+        let start = simd.load_f64(&self.spans.0[at..]).max(zero);
+        LanesOfColumns { rays, span: [start, simd.load_f64(&self.spans.1[at..])] }
+    }
+}
+
 /// A primitive that is surely hit, and the sides it can be hit from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sure {
@@ -187,14 +268,7 @@ impl<const W: usize> Shapes<W> {
             let at = first + lane;
             let wanted = lanes >> lane & (u32::MAX >> (32 - pairs));
             if wanted != 0 {
-                let zero = simd.splat_f64(0.0);
-                let mut pair = RayLanes { origin: [zero; 3], direction: [zero; 3] };
-                for k in 0..3 {
-                    pair.origin[k] = simd.load_f64(&rays.origins[k][at..]);
-                    pair.direction[k] = simd.load_f64(&rays.directions[k][at..]);
-                }
-                let start = simd.load_f64(&rays.spans.0[at..]).max(zero);
-                let span = [start, simd.load_f64(&rays.spans.1[at..])];
+                let LanesOfColumns { rays: pair, span } = rays.lanes(simd, at);
                 let pairs = Pairs { rays: pair, span, left: left.get(lane..).unwrap_or(&[]) };
                 let mut answered = 0;
                 if !self.is_only(PrimitiveKind::Triangle) {

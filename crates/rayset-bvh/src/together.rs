@@ -4,7 +4,7 @@ use rayset_geometry::{PrimitiveKind, Sides};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::axes::AxisRays;
-use crate::exact::{Departing, Exact, NONE, PLACE_BITS, Sure, record_of};
+use crate::exact::{Departing, Exact, ExactHits, ExactTogether, NONE, PLACE_BITS, Sure, record_of};
 use crate::interval::{self, Intervals, SpanLanes};
 use crate::packet::Packet;
 use crate::shaft::Shaft;
@@ -54,22 +54,27 @@ impl<S: Simd, const W: usize> Question<S, W> for Nearest<S> {
         at: &Intervals<S>,
     ) -> (bool, u32) {
         let taken = at.possible & at.sure & at.high.lt(self.lows);
-        let mut unsure = (at.possible & !taken).bits();
+        let unsure = (at.possible & !taken).bits();
         let tests = unsure.count_ones();
         self.lows = at.low.select(taken, self.lows);
         packet.ends = at.high.select(taken, packet.ends);
         self.records = simd.splat_f32(f32::from_bits(record)).select(taken, self.records);
-        while unsure != 0 {
-            let lane = unsure.trailing_zeros() as usize;
-            unsure &= unsure - 1;
-            self.compare(simd, exact, packet, lane, record);
+        if unsure != 0 {
+            let hits = exact.hits(simd, packet, unsure, record);
+            let mut lanes = hits.lanes;
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize % W;
+                lanes &= lanes - 1;
+                let hit = Hit { t: hits.t[lane], primitive: hits.primitive };
+                self.compare(simd, exact, packet, lane, record, hit);
+            }
         }
         (true, tests)
     }
 }
 
 impl<S: Simd> Nearest<S> {
-    /// Keeps the nearer of what a lane has found and a record, by exact tests: of the record, and of what was found where
+    /// Keeps the nearer of what a lane has found and the exact hit of a record: by an exact test of what was found, where
     /// its interval does not tell.
     #[inline(always)]
     fn compare<const W: usize>(
@@ -79,8 +84,8 @@ impl<S: Simd> Nearest<S> {
         packet: &mut Packet<S, W>,
         lane: usize,
         record: u32,
+        hit: Hit,
     ) {
-        let Some(hit) = exact.hit(simd, packet.first + lane, record) else { return };
         let (low, high) = (packet.below(exact.frame, hit.t), packet.above(exact.frame, hit.t));
         let mut lows = [0.0; W];
         self.lows.store(&mut lows);
@@ -128,6 +133,14 @@ impl<S: Simd> Nearest<S> {
 }
 
 impl<const W: usize> Exact<'_, W> {
+    /// The exact hits of rays of a packet, of a record.
+    #[inline(always)]
+    fn hits<S: Simd>(&self, simd: S, packet: &Packet<S, W>, lanes: u32, record: u32) -> ExactHits<W> {
+        let Sure { kind, index, .. } = self.sure(record);
+        let leaving = packet.leaving(simd, self.shapes.number(kind, index));
+        simd.outline(ExactTogether { exact: self, first: packet.first, lanes, leaving, record })
+    }
+
     /// Tests a leaf against the packets of a shaft.
     #[inline(always)]
     pub(crate) fn ask<S: Simd, Q: Question<S, W>>(
@@ -202,14 +215,10 @@ impl<S: Simd, const W: usize> Question<S, W> for Hidden {
         at: &Intervals<S>,
     ) -> (bool, u32) {
         let mut more = (at.possible & at.sure).bits();
-        let mut unsure = at.possible.bits() & !more;
+        let unsure = at.possible.bits() & !more;
         let tests = unsure.count_ones();
-        while unsure != 0 {
-            let lane = unsure.trailing_zeros();
-            unsure &= unsure - 1;
-            if exact.hit(simd, packet.first + lane as usize, record).is_some() {
-                more |= 1 << lane;
-            }
+        if unsure != 0 {
+            more |= exact.hits(simd, packet, unsure, record).lanes;
         }
         self.0 |= more;
         packet.close(simd, more);

@@ -8,8 +8,8 @@ use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 use crate::departure::Allowed;
 use crate::probe::map3;
 use crate::{
-    BoundingBox, Cone, ConeAxis, Departure, Polygon, Primitive, PrimitiveKind, Probe, Side, Sides, Sphere,
-    Triangle, cone, polygon, sphere, triangle,
+    BoundingBox, Cone, ConeAxis, Departure, Polygon, Primitive, PrimitiveKind, Probe, RayLanes, Side, Sides,
+    Sphere, Triangle, cone, polygon, sphere, triangle,
 };
 
 /// Primitives of all kinds, a structure of arrays for each kind.
@@ -191,6 +191,31 @@ impl PrimitiveColumns {
     #[must_use]
     pub fn cone_axis(&self, index: u32) -> ConeAxis {
         Cone::axis_of(&std::array::from_fn(|k| self.cones[k][index as usize]))
+    }
+
+    /// Where rays meet a cone, a ray a lane: the lanes that hit it, and `t`; of the rays, where their spans start and end,
+    /// and the lanes whose front and back may be hit.
+    ///
+    /// The arithmetic of [`PrimitiveColumns::nearest`], and its bits.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such cone.
+    #[must_use]
+    #[inline(always)]
+    pub fn cone_by_rays<S: Simd>(
+        &self,
+        simd: S,
+        index: u32,
+        rays: &RayLanes<S>,
+        span: [S::F64; 2],
+        sides: (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
+    ) -> (<S::F64 as Lanes>::Mask, S::F64) {
+        let mut parameters = [simd.splat_f64(0.0); cone::PARAMETERS];
+        for (parameter, column) in parameters.iter_mut().zip(&self.cones) {
+            *parameter = simd.splat_f64(column[index as usize]);
+        }
+        cone::intersect_pairs(simd, rays, span, parameters, sides)
     }
 
     /// How many vertices a polygon has.

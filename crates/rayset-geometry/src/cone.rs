@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayset_simd::{Lanes, Simd};
 
 use crate::departure::Allowed;
-use crate::{BoundingBox, BoundingSphere, Probe, enclosing_sphere};
+use crate::{BoundingBox, BoundingSphere, Probe, RayLanes, enclosing_sphere};
 
 /// How far off the surface a hit may lie, relative to the radius of the bounding sphere: 2^-22 is the square root of
 /// 512 roundings. Near a pointed apex the rounding of the quadratic, at most 225 of them, displaces a hit by a square
@@ -181,11 +181,24 @@ pub(crate) const PARAMETERS: usize = 11;
 pub(crate) fn intersect<S: Simd>(
     probe: &Probe<S>,
     parameters: [S::F64; PARAMETERS],
-    allowed: Allowed<S>,
+    Allowed { front, back }: Allowed<S>,
 ) -> (<S::F64 as Lanes>::Mask, S::F64) {
-    let simd = probe.simd;
+    let span = [probe.simd.splat_f64(probe.span.start), probe.simd.splat_f64(probe.span.end)];
+    intersect_pairs(probe.simd, &probe.lanes, span, parameters, (front, back))
+}
+
+/// Where rays meet cones, a pair a lane; of the rays, where their spans start and end, and the lanes whose front and
+/// back may be hit.
+#[inline(always)]
+pub(crate) fn intersect_pairs<S: Simd>(
+    simd: S,
+    rays: &RayLanes<S>,
+    [start, end]: [S::F64; 2],
+    parameters: [S::F64; PARAMETERS],
+    (front_allowed, back_allowed): (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
+) -> (<S::F64 as Lanes>::Mask, S::F64) {
     let zero = simd.splat_f64(0.0);
-    let (o, d) = (probe.lanes.origin, probe.lanes.direction);
+    let (o, d) = (rays.origin, rays.direction);
     let [bx, by, bz, ax, ay, az, height, base_radius, slope, across, widest] = parameters;
     let axis = [ax, ay, az];
     let to_base = [bx - o[0], by - o[1], bz - o[2]];
@@ -212,8 +225,8 @@ pub(crate) fn intersect<S: Simd>(
     let back = by_product.select(b_positive, by_sum);
     let wall = Wall::<S> { zero, q_m, d_m, q_p, d_p, height, base_radius, slope, across, widest };
     let (front_t, back_t) = (nearest + front, nearest + back);
-    let front_hit = real & allowed.front & wall.holds(front) & probe.in_span(front_t);
-    let back_hit = real & allowed.back & wall.holds(back) & probe.in_span(back_t);
+    let front_hit = real & front_allowed & wall.holds(front) & front_t.gt(start) & front_t.lt(end);
+    let back_hit = real & back_allowed & wall.holds(back) & back_t.gt(start) & back_t.lt(end);
     // The front root is the nearer one except on the mirror cone, which never counts; still, take the least.
     let first = front_hit & !(back_hit & back_t.lt(front_t));
     (front_hit | back_hit, front_t.select(first, back_t))

@@ -181,12 +181,6 @@ impl<S: Simd> Probe<S> {
             span: [simd.splat_f64(self.span.start), simd.splat_f64(self.span.end)],
         }
     }
-
-    /// The lanes in which `t` lies in the span.
-    #[inline(always)]
-    pub(crate) fn in_span(&self, t: S::F64) -> <S::F64 as Lanes>::Mask {
-        t.gt(self.simd.splat_f64(self.span.start)) & t.lt(self.simd.splat_f64(self.span.end))
-    }
 }
 
 /// `[f(a), f(b), f(c)]`, inlined always: `array::map` is a call where its closure is large, and costs half the speed
