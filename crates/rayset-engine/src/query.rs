@@ -271,6 +271,9 @@ impl Generation {
         side: impl Fn(Side) -> Side,
     ) {
         let (first, n) = (self.len(), sent.len());
+        if n == 0 {
+            return;
+        }
         self.ray_sets.resize(first + n, RaySetIndex(0));
         self.slots.resize(first + n, slot);
         self.originating.resize(first + n, None);

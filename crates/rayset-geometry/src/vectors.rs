@@ -83,6 +83,9 @@ impl VectorColumns {
     /// Scales every vector to unit length, on the lanes of a backend; the bits are the same.
     pub fn normalize_on(&mut self, backend: Backend) {
         let len = self.len();
+        if len == 0 {
+            return;
+        }
         let padded = len.next_multiple_of(MAX_LANES);
         self.columns.iter_mut().chain([&mut self.lengths]).for_each(|column| column.resize(padded, 1.0));
         backend.run(Normalize { vectors: self });
