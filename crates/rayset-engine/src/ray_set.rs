@@ -290,14 +290,13 @@ impl RaySets {
         n_hidden
     }
 
-    /// The rays that the hits of a slot reflect, then those that they refract.
-    fn push_secondary_rays(&mut self, scene: &Scene, slot: Slot, options: &TreeOptions) {
-        let Self { leaving, sent, refracted, aimed, bent, next, trees, .. } = self;
-        let materials = scene.materials();
+    /// Where the hits of a slot reflect rays, and where those of glass refract them: zero under total reflection.
+    fn aim(&mut self, scene: &Scene) {
+        let Self { leaving, aimed, bent, trees, .. } = self;
         aimed.clear();
         bent.clear();
         for Leaving { node, surface, .. } in &*leaving {
-            let material = &materials[surface.material.index()];
+            let material = &scene.materials()[surface.material.index()];
             if material.is_reflective() {
                 let direction = trees.nodes[*node as usize].direction;
                 aimed.push(mirrored(direction, surface.shading_normal));
@@ -309,6 +308,13 @@ impl RaySets {
         }
         aimed.normalize();
         bent.normalize();
+    }
+
+    /// The rays that the hits of a slot reflect, then those that they refract.
+    fn push_secondary_rays(&mut self, scene: &Scene, slot: Slot, options: &TreeOptions) {
+        self.aim(scene);
+        let Self { leaving, sent, refracted, aimed, bent, next, trees, .. } = self;
+        let materials = scene.materials();
         sent.clear();
         refracted.clear();
         let is_cut_off = |weight: f64| options.cutoff.is_some_and(|cutoff| weight < cutoff);
