@@ -24,6 +24,45 @@ fn config(cases: u32) -> ProptestConfig {
 /// How far a computed hit may lie off its surface, relative to the coordinates: half the partition's margin.
 const SURFACE_MARGIN: f64 = PARTITION_MARGIN / 2.0;
 
+/// The hits of one cone by rays that stand in lanes; some leave it into a side.
+struct HitsOfCone<'a> {
+    columns: &'a PrimitiveColumns,
+    rays: &'a [Ray],
+    sides: Sides,
+    left: &'a dyn Fn(usize) -> Option<Side>,
+}
+
+impl Kernel for HitsOfCone<'_> {
+    type Output = Vec<Option<f64>>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
+        let mut found = Vec::new();
+        for first in (0..MAX_LANES).step_by(S::F64::LANES) {
+            let (mut origins, mut directions) = ([[0.0; MAX_LANES]; 3], [[0.0; MAX_LANES]; 3]);
+            let (mut front, mut back) = (0, 0);
+            for lane in 0..S::F64::LANES {
+                let (ray, left) = (&self.rays[first + lane], (self.left)(first + lane));
+                for k in 0..3 {
+                    origins[k][lane] = ray.origin()[k];
+                    directions[k][lane] = ray.direction()[k];
+                }
+                front |= u32::from(self.sides.include(Side::Front) && left.is_none()) << lane;
+                back |= u32::from(self.sides.include(Side::Back) && left != Some(Side::Front)) << lane;
+            }
+            let load =
+                |[x, y, z]: &[[f64; MAX_LANES]; 3]| [simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)];
+            let rays = RayLanes { origin: load(&origins), direction: load(&directions) };
+            let span = [simd.splat_f64(Span::FORWARD.start), simd.splat_f64(Span::FORWARD.end)];
+            let sides = (simd.mask_f64(front), simd.mask_f64(back));
+            let (hits, t) = self.columns.cone_by_rays(simd, 0, &rays, span, sides);
+            let is_hit = |lane: usize| hits.bits() >> lane & 1 == 1;
+            found.extend((0..S::F64::LANES).map(|lane| is_hit(lane).then(|| t.lane(lane))));
+        }
+        found
+    }
+}
+
 /// The nearest and the first hit of a run, on any backend.
 struct HitsOfRun<'a> {
     columns: &'a PrimitiveColumns,
@@ -231,6 +270,25 @@ proptest! {
             for (pair, t) in made.iter().zip(found) {
                 let (t, alone) = (t.map(f64::to_bits), pair.alone().map(f64::to_bits));
                 prop_assert_eq!(t, alone, "{} {:?}", backend, pair);
+            }
+        }
+    }
+
+    #[test]
+    fn rays_in_lanes_against_one_cone_have_the_bits_of_each_alone(
+        (cone, aims, sides, departure) in
+            (generators::any_cone(), prop::collection::vec(aim(), MAX_LANES), sides(), departure()),
+    ) {
+        let rays = aims.iter().map(|aim| aimed(&cone, aim)).collect::<Result<Vec<_>, _>>()?;
+        let mut columns = PrimitiveColumns::default();
+        columns.push(&cone, sides);
+        // Every other one leaves it.
+        let left = |lane: usize| departure.filter(|_| lane.is_multiple_of(2));
+        for backend in Backend::available() {
+            let found = backend.run(HitsOfCone { columns: &columns, rays: &rays, sides, left: &left });
+            for (lane, (ray, t)) in rays.iter().zip(found).enumerate() {
+                let alone = cone.intersect(ray, Span::FORWARD, sides, left(lane));
+                prop_assert_eq!(t.map(f64::to_bits), alone.map(f64::to_bits), "{} {:?}", backend, ray);
             }
         }
     }
