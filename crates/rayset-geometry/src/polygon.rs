@@ -140,9 +140,9 @@ pub(crate) trait Vertices<S: Simd> {
 }
 
 /// How many edges stand in one part of a polygon.
-pub(crate) const PART: usize = 8;
+const PART: usize = 8;
 /// Polygons of more edges are tested part by part: first the boxes of parts, then the edges of those that may cross.
-pub(crate) const LONG: usize = 2 * PART;
+const LONG: usize = 2 * PART;
 
 /// The boxes of the parts of a polygon: lower x, y, z, then upper, `PART` edges a box; nothing unless it is [`LONG`].
 pub(crate) fn boxes_of(vertices: &[DVec3]) -> impl Iterator<Item = [f64; 6]> {
