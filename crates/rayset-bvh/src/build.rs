@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use rayon::prelude::*;
+use rayset_simd::large_page_vec;
 
 use crate::frame::CullBox;
 use crate::node::{Child, Node, Tree};
@@ -122,7 +123,10 @@ pub(crate) fn build<const W: usize>(
     references: &mut [Reference],
     leaf_len: usize,
 ) -> (Tree<W>, Vec<Range<u32>>) {
-    let mut tree = Tree { root: Child::ROOT, nodes: vec![Node::EMPTY], depth: 1 };
+    // More room than there will be nodes; what is not written is not there.
+    let mut nodes = large_page_vec(1 + references.len() / leaf_len);
+    nodes.push(Node::EMPTY);
+    let mut tree = Tree { root: Child::ROOT, nodes, depth: 1 };
     let mut leaves = Vec::new();
     if references.is_empty() {
         return (tree, leaves);

@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 
 use rayon::prelude::*;
 use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, Ray, Side, Sides, Span};
-use rayset_simd::{Backend, ByLanes, Kernel, Simd};
+use rayset_simd::{Backend, ByLanes, Kernel, Simd, large_page_vec};
 
 use crate::build::{Reference, build};
 use crate::duplicates::superfluous;
@@ -232,16 +232,13 @@ pub(crate) struct Wide<const W: usize> {
 
 impl<const W: usize> Wide<W> {
     fn new(frame: &Frame, columns: &PrimitiveColumns, items: &[(PrimitiveKind, u32, Sides)]) -> Self {
-        let mut references: Vec<Reference> = items
-            .par_iter()
-            .enumerate()
-            .with_min_len(1024)
-            .map(|(primitive, &(kind, index, _))| {
-                let bounds = frame.cull_box(&columns.bounding_box(kind, index));
-                let primitive = u32::try_from(primitive).expect("checked before");
-                Reference::new(&bounds, primitive, weight::<W>(columns, kind, index))
-            })
-            .collect();
+        let reference = |(primitive, &(kind, index, _)): (usize, &(PrimitiveKind, u32, Sides))| {
+            let bounds = frame.cull_box(&columns.bounding_box(kind, index));
+            let primitive = u32::try_from(primitive).expect("checked before");
+            Reference::new(&bounds, primitive, weight::<W>(columns, kind, index))
+        };
+        let mut references = large_page_vec(items.len());
+        references.par_extend(items.par_iter().enumerate().with_min_len(1024).map(reference));
         drop_superfluous(&mut references, &superfluous(columns, items));
         let (mut tree, leaves) = build::<W>(&mut references, W);
         let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, &references, &leaves);

@@ -29,6 +29,7 @@
 
 mod backend;
 mod lanes;
+mod pages;
 mod portable;
 mod scalar;
 #[cfg(target_arch = "x86_64")]
@@ -37,6 +38,7 @@ mod x86;
 
 pub use backend::{Backend, ByLanes, Kernel, Part, UnknownBackend};
 pub use lanes::{CullLanes, LaneMask, Lanes, MAX_LANES, Simd};
+pub use pages::large_page_vec;
 pub use portable::{F32x8, F64x4, M32x8, M64x4, Portable};
 pub use scalar::Scalar;
 #[cfg(target_arch = "x86_64")]

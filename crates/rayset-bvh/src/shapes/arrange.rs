@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{PrimitiveColumns, PrimitiveKind, Sides};
+use rayset_simd::large_page_vec;
 
 use super::{NO_BLOCK, Run, Shapes};
 use crate::axes::AxisBlock;
@@ -80,7 +81,7 @@ impl<const W: usize> Shapes<W> {
             block: index_of(block),
             boxes: NO_BLOCK,
         };
-        shapes.runs = leaves.par_iter().enumerate().with_min_len(1024).map(run).collect();
+        shapes.runs = collected(leaves.par_iter().enumerate().with_min_len(1024).map(run));
         let members = |leaf: &Range<u32>| &references[leaf.start as usize..leaf.end as usize];
         if kind == PrimitiveKind::Sphere {
             let block = |leaf| {
@@ -91,13 +92,13 @@ impl<const W: usize> Shapes<W> {
                 }
                 block
             };
-            shapes.sphere_blocks = leaves.par_iter().with_min_len(64).map(block).collect();
+            shapes.sphere_blocks = collected(leaves.par_iter().with_min_len(64).map(block));
             let sphere = |reference| source.sphere(index(reference));
-            shapes.spheres = references.par_iter().with_min_len(1024).map(sphere).collect();
+            shapes.spheres = collected(references.par_iter().with_min_len(1024).map(sphere));
         } else {
             shapes.is_flat = true;
             let triangle = |reference| source.triangle(index(reference));
-            shapes.triangles = references.par_iter().with_min_len(1024).map(triangle).collect();
+            shapes.triangles = collected(references.par_iter().with_min_len(1024).map(triangle));
             let triangles = &shapes.triangles;
             let block = |leaf: &Range<u32>| {
                 let mut block = TriangleBlock::EMPTY;
@@ -108,11 +109,12 @@ impl<const W: usize> Shapes<W> {
                 }
                 block
             };
-            shapes.triangle_blocks = leaves.par_iter().with_min_len(64).map(block).collect();
+            shapes.triangle_blocks = collected(leaves.par_iter().with_min_len(64).map(block));
         }
-        let numbers = references.par_iter().with_min_len(1024).map(Reference::primitive).collect();
+        let numbers = collected(references.par_iter().with_min_len(1024).map(Reference::primitive));
         // What is in no leaf has a place that is nobody's.
-        shapes.places = vec![(kind, u32::MAX); items.len()];
+        shapes.places = large_page_vec(items.len());
+        shapes.places.resize(items.len(), (kind, u32::MAX));
         for (place, reference) in references.iter().enumerate() {
             shapes.places[reference.primitive() as usize].1 = index_of(place);
         }
@@ -202,6 +204,13 @@ impl<const W: usize> Shapes<W> {
         self.fan_blocks.push(block);
         true
     }
+}
+
+/// What an iterator gives, in large pages.
+fn collected<T: Send>(items: impl IndexedParallelIterator<Item = T>) -> Vec<T> {
+    let mut all = large_page_vec(items.len());
+    all.par_extend(items);
+    all
 }
 
 fn index_of(len: usize) -> u32 {
