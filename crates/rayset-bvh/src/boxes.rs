@@ -9,7 +9,7 @@ use crate::frame::Frame;
 use crate::hierarchy::ahead;
 use crate::node::Tree;
 use crate::ray::{CullRay, CullRays};
-use crate::traverse::{Stack, Steps, Visitor, traverse};
+use crate::traverse::{AtRoot, Stack, Steps, Visitor, traverse};
 use crate::{Hit, Query};
 
 /// How many boxes a leaf holds at most: few, since a box is cheaper to test than what may be in it.
@@ -220,7 +220,7 @@ impl<const W: usize> Wide<W> {
                 };
                 let end = cull.end_above;
                 let mut visit = Visit { wide: self, cull, end, query, nearest: None, search };
-                traverse(simd, &self.tree, &mut stack, &cull, end, &mut steps, &mut visit);
+                traverse(simd, &self.tree, &AtRoot, &mut stack, &cull, end, &mut steps, &mut visit);
                 let nearest = visit.nearest;
                 search.finish(nearest);
             }

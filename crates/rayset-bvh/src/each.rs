@@ -6,6 +6,7 @@ use std::ops::Range;
 use rayset_geometry::{Departure, PrimitiveKind, Ray, Span};
 use rayset_simd::{Part, Simd};
 
+use crate::entrance::{Entered, Entrance};
 use crate::exact::{Departing, Sure};
 use crate::few::{EachOfFew, OfFew};
 use crate::frame::Frame;
@@ -13,6 +14,7 @@ use crate::hierarchy::{Scratch, Wide};
 use crate::packet::RayColumns;
 use crate::ray::{CullRay, CullRays};
 use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles};
+use crate::traverse::Begin;
 
 /// What is asked about rays.
 pub(crate) trait OfRay: Copy {
@@ -23,10 +25,17 @@ pub(crate) trait OfRay: Copy {
     const NOTHING: Self::Found;
     /// What is known of a ray at first.
     const UNKNOWN: Self::Answer;
+    /// Whether what is known leaves anything to ask.
+    fn is_open(known: Self::Answer) -> bool;
+    /// What is found where nothing else is met.
+    fn keep(known: Self::Answer) -> Self::Found;
+    /// Where the span of a prepared ray ends, or more, by what is known.
+    fn end<const W: usize>(rays: &CullRays<W>, lane: usize, known: Self::Answer) -> f32;
     fn ask<S: Simd, C: Content, const W: usize>(
         self,
         simd: S,
         wide: &Wide<W>,
+        begin: &impl Begin<W>,
         traced: &Traced,
         known: Self::Answer,
         scratch: &mut Scratch,
@@ -56,15 +65,31 @@ impl OfRay for NearestHit {
     const UNKNOWN: Option<Hit> = None;
 
     #[inline(always)]
+    fn is_open(_: Option<Hit>) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn keep(known: Option<Hit>) -> Nearest {
+        Nearest::known(known)
+    }
+
+    #[inline(always)]
+    fn end<const W: usize>(rays: &CullRays<W>, lane: usize, known: Option<Hit>) -> f32 {
+        known.map_or(rays.ends()[lane], |hit| rays.end(lane, hit.t))
+    }
+
+    #[inline(always)]
     fn ask<S: Simd, C: Content, const W: usize>(
         self,
         simd: S,
         wide: &Wide<W>,
+        begin: &impl Begin<W>,
         traced: &Traced,
         known: Option<Hit>,
         scratch: &mut Scratch,
     ) -> Nearest {
-        wide.nearest_of::<S, C>(simd, traced, known, scratch)
+        wide.nearest_of::<S, C>(simd, begin, traced, known, scratch)
     }
 
     #[inline(always)]
@@ -100,15 +125,31 @@ impl OfRay for AnyHit {
     const UNKNOWN: bool = false;
 
     #[inline(always)]
+    fn is_open(known: bool) -> bool {
+        !known
+    }
+
+    #[inline(always)]
+    fn keep(known: bool) -> bool {
+        known
+    }
+
+    #[inline(always)]
+    fn end<const W: usize>(rays: &CullRays<W>, lane: usize, _: bool) -> f32 {
+        rays.ends()[lane]
+    }
+
+    #[inline(always)]
     fn ask<S: Simd, C: Content, const W: usize>(
         self,
         simd: S,
         wide: &Wide<W>,
+        begin: &impl Begin<W>,
         traced: &Traced,
         known: bool,
         scratch: &mut Scratch,
     ) -> bool {
-        known || wide.occluded_of::<S, C>(simd, traced, scratch)
+        known || wide.occluded_of::<S, C>(simd, begin, traced, scratch)
     }
 
     #[inline(always)]
@@ -161,20 +202,35 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
         let columns = columns.cut(0..columns.len());
         let Range { start: mut first, end } = range;
         assert!(end <= columns.len() && end <= places.len(), "there are these rays");
-        let mut prepared = CullRays::<W>::NONE;
+        let (mut prepared, mut entrance) = (CullRays::<W>::NONE, Entrance::<W>::NONE);
         let mut left = [None; W];
         let mut found = [Q::NOTHING; W];
         while first < end {
             let len = (end - first).min(W);
             prepared.prepare(simd, frame, &columns, (first, len), wide.is_flat::<C>());
+            let mut open = prepared.found(len);
+            let mut ends = *prepared.ends();
+            if KNOWN {
+                for (lane, &known) in places[first..first + len].iter().enumerate() {
+                    open &= !(u32::from(!Q::is_open(known)) << lane);
+                    ends[lane] = Q::end(&prepared, lane, known);
+                }
+            }
+            entrance.test(simd, &wide.tree.nodes[0], &prepared, &ends);
+            scratch.steps.nodes += u64::from(open.count_ones());
             for lane in 0..len {
                 let i = first + lane;
-                let (ray, span) = columns.ray(i);
-                left[lane] = columns.left(i);
-                let departure = wide.shapes.departure(left[lane]);
-                let traced = Traced { cull: prepared.ray(lane), ray, span, departure };
                 let known = if KNOWN { places[i] } else { Q::UNKNOWN };
-                found[lane] = question.ask::<S, C, W>(simd, wide, &traced, known, scratch);
+                left[lane] = columns.left(i);
+                let begin = Entered { entrance: &entrance, ray: lane };
+                found[lane] = if open >> lane & 1 == 1 && entrance.of(lane) != 0 {
+                    let (ray, span) = columns.ray(i);
+                    let departure = wide.shapes.departure(left[lane]);
+                    let traced = Traced { cull: prepared.ray(lane), ray, span, departure };
+                    question.ask::<S, C, W>(simd, wide, &begin, &traced, known, scratch)
+                } else {
+                    Q::keep(known)
+                };
             }
             let departing = Departing { rays: columns, first, left: &left[..len] };
             question.answer(simd, wide, &departing, &found, &mut places[first..first + len]);

@@ -16,7 +16,7 @@ use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::CullRay;
 use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Prepared, Shapes};
-use crate::traverse::{Stack, Steps, Visitor, is_stopped, traverse};
+use crate::traverse::{AtRoot, Begin, Stack, Steps, Visitor, is_stopped, traverse};
 use crate::{Query, RayColumns};
 
 /// A bounding volume hierarchy over primitives of any shape.
@@ -298,7 +298,7 @@ impl<const W: usize> Wide<W> {
         scratch: &mut Scratch,
     ) -> Option<Hit> {
         let traced = self.traced::<S, C>(simd, frame, ray, span, from);
-        match self.nearest_of::<S, C>(simd, &traced, None, scratch).found {
+        match self.nearest_of::<S, C>(simd, &AtRoot, &traced, None, scratch).found {
             Found::Nothing => None,
             Found::At(hit) => Some(hit),
             Found::Sure(sure) => self.shapes.exact_alone(simd, (ray, span), traced.departure, &sure),
@@ -310,13 +310,12 @@ impl<const W: usize> Wide<W> {
     pub(crate) fn nearest_of<S: Simd, C: Content>(
         &self,
         simd: S,
+        begin: &impl Begin<W>,
         traced: &Traced,
         known: Option<Hit>,
         scratch: &mut Scratch,
     ) -> Nearest {
-        let Some(cull) = &traced.cull else {
-            return known.map_or(Nearest::NONE, |hit| Nearest { found: Found::At(hit), ..Nearest::NONE });
-        };
+        let Some(cull) = &traced.cull else { return Nearest::known(known) };
         let Scratch { stack, steps, primitive_tests } = scratch;
         let end = known.map_or(cull.end_above, |hit| cull.end(hit.t));
         let mut visitor = NearestVisitor {
@@ -328,7 +327,7 @@ impl<const W: usize> Wide<W> {
             nearest: known.map_or(Nearest::NONE, |hit| Nearest::at(cull, hit)),
             tests: primitive_tests,
         };
-        traverse(simd, &self.tree, stack, cull, end, steps, &mut visitor);
+        traverse(simd, &self.tree, begin, stack, cull, end, steps, &mut visitor);
         visitor.nearest
     }
 
@@ -344,13 +343,13 @@ impl<const W: usize> Wide<W> {
     ) -> bool {
         if self.shapes.is_only(PrimitiveKind::Sphere) {
             let traced = self.traced::<S, OnlySpheres>(simd, frame, ray, span, from);
-            self.occluded_of::<S, OnlySpheres>(simd, &traced, scratch)
+            self.occluded_of::<S, OnlySpheres>(simd, &AtRoot, &traced, scratch)
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {
             let traced = self.traced::<S, OnlyTriangles>(simd, frame, ray, span, from);
-            self.occluded_of::<S, OnlyTriangles>(simd, &traced, scratch)
+            self.occluded_of::<S, OnlyTriangles>(simd, &AtRoot, &traced, scratch)
         } else {
             let traced = self.traced::<S, Anything>(simd, frame, ray, span, from);
-            self.occluded_of::<S, Anything>(simd, &traced, scratch)
+            self.occluded_of::<S, Anything>(simd, &AtRoot, &traced, scratch)
         }
     }
 
@@ -358,6 +357,7 @@ impl<const W: usize> Wide<W> {
     pub(crate) fn occluded_of<S: Simd, C: Content>(
         &self,
         simd: S,
+        begin: &impl Begin<W>,
         traced: &Traced,
         scratch: &mut Scratch,
     ) -> bool {
@@ -371,7 +371,7 @@ impl<const W: usize> Wide<W> {
             end,
             tests: primitive_tests,
         };
-        is_stopped(simd, &self.tree, stack, cull, end, steps, &mut visitor)
+        is_stopped(simd, &self.tree, begin, stack, cull, end, steps, &mut visitor)
     }
 
     fn bytes(&self) -> usize {

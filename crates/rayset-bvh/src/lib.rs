@@ -24,6 +24,7 @@ mod bundle;
 mod descent;
 mod duplicates;
 mod each;
+mod entrance;
 mod exact;
 mod fans;
 mod few;

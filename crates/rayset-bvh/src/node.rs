@@ -64,6 +64,12 @@ impl<const W: usize> Node<W> {
         self.children[slot] = child.0;
     }
 
+    /// Whether there is no child in a slot.
+    #[inline(always)]
+    pub(crate) fn is_empty(&self, slot: usize) -> bool {
+        self.planes[0][slot] > self.planes[3][slot]
+    }
+
     /// The box of a child.
     #[inline(always)]
     pub(crate) fn bounds(&self, slot: usize) -> [[f32; 3]; 2] {

@@ -107,6 +107,17 @@ pub(crate) struct CullRays<const W: usize> {
     lost: u32,
 }
 
+/// What of rays boxes are tested with, a lane each: as of a [`CullRay`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SlabsOfRays<S: Simd> {
+    pub(crate) inverse: [S::F32; 3],
+    pub(crate) near_offset: [S::F32; 3],
+    pub(crate) far_offset: [S::F32; 3],
+    /// Whose upper planes are near, along each axis.
+    pub(crate) turned: [<S::F32 as Lanes>::Mask; 3],
+    pub(crate) start: S::F32,
+}
+
 /// Rays some of which start far off, brought near.
 struct Approached<const W: usize> {
     origins: [[f64; W]; 3],
@@ -298,6 +309,44 @@ impl<const W: usize> CullRays<W> {
             self.advance[lane] = advance;
         }
         near
+    }
+
+    /// What boxes are tested with.
+    #[inline(always)]
+    pub(crate) fn slabs<S: Simd>(&self, simd: S) -> SlabsOfRays<S> {
+        let (zero, none) = (simd.splat_f32(0.0), simd.mask_f32(0));
+        let mut slabs = SlabsOfRays {
+            inverse: [zero; 3],
+            near_offset: [zero; 3],
+            far_offset: [zero; 3],
+            turned: [none; 3],
+            start: simd.load_f32(&self.start),
+        };
+        for k in 0..3 {
+            slabs.inverse[k] = simd.load_f32(&self.inverse[k]);
+            slabs.near_offset[k] = simd.load_f32(&self.near_offset[k]);
+            slabs.far_offset[k] = simd.load_f32(&self.far_offset[k]);
+            slabs.turned[k] = simd.mask_f32(self.turned[k]);
+        }
+        slabs
+    }
+
+    /// The lanes, of the first so many, whose rays may hit something.
+    #[inline(always)]
+    pub(crate) fn found(&self, len: usize) -> u32 {
+        !self.lost & (u32::MAX >> (32 - len))
+    }
+
+    /// Where each span ends, or more.
+    #[inline(always)]
+    pub(crate) fn ends(&self) -> &[f32; W] {
+        &self.end_above
+    }
+
+    /// A distance in culling space that is not below `t` in world units.
+    #[inline(always)]
+    pub(crate) fn end(&self, lane: usize, t: f64) -> f32 {
+        round_up(t * self.scale - self.advance[lane])
     }
 
     /// A ray; `None` if it is so far off, or its span such, that it cannot hit anything.

@@ -152,6 +152,12 @@ pub(crate) enum Found {
 impl Nearest {
     pub(crate) const NONE: Self = Self { low: f32::INFINITY, found: Found::Nothing };
 
+    /// What is known of a ray that meets nothing else.
+    #[inline(always)]
+    pub(crate) fn known(hit: Option<Hit>) -> Self {
+        hit.map_or(Self::NONE, |hit| Self { found: Found::At(hit), ..Self::NONE })
+    }
+
     /// An exact hit.
     #[inline(always)]
     pub(crate) fn at(cull: &CullRay, hit: Hit) -> Self {

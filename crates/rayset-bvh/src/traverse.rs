@@ -13,6 +13,29 @@ pub(crate) trait Visitor {
     fn leaf(&mut self, leaf: usize) -> Option<f32>;
 }
 
+/// Where a traversal begins: with a child, and what it puts on the stack to visit later.
+pub(crate) trait Begin<const W: usize> {
+    /// For the nearest hit: the nearest child, and the others with their distances.
+    fn nearest(&self, tree: &Tree<W>, stack: &mut [u64], height: &mut usize) -> Child;
+    /// For any hit.
+    fn any<S: Simd>(&self, simd: S, tree: &Tree<W>, stack: &mut [u32], height: &mut usize) -> Child;
+}
+
+/// Begins at the root.
+pub(crate) struct AtRoot;
+
+impl<const W: usize> Begin<W> for AtRoot {
+    #[inline(always)]
+    fn nearest(&self, tree: &Tree<W>, _: &mut [u64], _: &mut usize) -> Child {
+        tree.root
+    }
+
+    #[inline(always)]
+    fn any<S: Simd>(&self, _: S, tree: &Tree<W>, _: &mut [u32], _: &mut usize) -> Child {
+        tree.root
+    }
+}
+
 /// What a traversal did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Steps {
@@ -104,29 +127,45 @@ fn enter<S: Simd, const W: usize>(
     height: &mut usize,
 ) -> Option<Child> {
     let [near, far] = ray.test(simd, node, ends);
-    let mut bits = near.le(far).bits();
+    let bits = near.le(far).bits();
     if bits == 0 {
         return None;
     }
-    let first = bits.trailing_zeros() as usize % W;
-    bits &= bits - 1;
-    if bits == 0 {
-        return Some(Child(node.children[first]));
+    if bits & (bits - 1) == 0 {
+        return Some(Child(node.children[bits.trailing_zeros() as usize % W]));
     }
     // Clamped, and so is what it is compared with: a distance below zero sorts as zero.
     let near = near.max(simd.splat_f32(0.0));
-    let mut entries = Aligned([0.0; W]);
-    near.store(&mut entries.0);
-    let entries = &entries.0;
+    let mut entries = Aligned([[0.0]; W]);
+    near.store(entries.0.as_flattened_mut());
+    Some(put_by_distance(node, bits, (&entries.0, 0), stack, height))
+}
+
+/// Of the children of a node that a ray enters, one at least, gives the nearest, and puts the others on the stack, the
+/// nearest last; their distances, zero at least, stand in a column.
+#[inline(always)]
+pub(crate) fn put_by_distance<const W: usize, const N: usize>(
+    node: &Node<W>,
+    mut bits: u32,
+    (entries, column): (&[[f32; N]; W], usize),
+    stack: &mut [u64],
+    height: &mut usize,
+) -> Child {
+    let first = bits.trailing_zeros() as usize % W;
+    bits &= bits - 1;
+    if bits == 0 {
+        return Child(node.children[first]);
+    }
+    let entry = |lane: usize| entry(node, entries[lane][column % N], lane);
     let second = bits.trailing_zeros() as usize % W;
     bits &= bits - 1;
-    let (a, b) = (entry(node, entries, first), entry(node, entries, second));
+    let (a, b) = (entry(first), entry(second));
     let (mut a, mut b) = (a.min(b), a.max(b));
     // A third that is not there lies behind all others; what is pushed after it takes its place.
     let third = bits.trailing_zeros() as usize % W;
     let has_third = bits != 0;
     bits &= bits.wrapping_sub(1);
-    let mut c = if has_third { entry(node, entries, third) } else { u64::MAX };
+    let mut c = if has_third { entry(third) } else { u64::MAX };
     (b, c) = (b.min(c), b.max(c));
     (a, b) = (a.min(b), a.max(b));
     let base = *height;
@@ -137,7 +176,7 @@ fn enter<S: Simd, const W: usize>(
     while bits != 0 {
         let lane = bits.trailing_zeros() as usize % W;
         bits &= bits - 1;
-        let other = entry(node, entries, lane);
+        let other = entry(lane);
         let (nearer, other) = (a.min(other), a.max(other));
         a = nearer;
         // Insertion into what this node has pushed, the nearest last.
@@ -149,7 +188,7 @@ fn enter<S: Simd, const W: usize>(
         stack[place] = other;
         *height += 1;
     }
-    Some(child_of(a))
+    child_of(a)
 }
 
 /// The next child on the stack that a ray enters before the end, given by its bits.
@@ -169,9 +208,11 @@ fn next(stack: &[u64], height: &mut usize, end_bits: u32) -> Option<Child> {
 
 /// Visits the leaves whose boxes the ray may meet, the nearest first as far as boxes tell.
 #[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "a ray, what it is traced with, and what is done on the way")]
 pub(crate) fn traverse<S: Simd, const W: usize>(
     simd: S,
     tree: &Tree<W>,
+    begin: &impl Begin<W>,
     stack: &mut Stack,
     ray: &CullRay,
     end: f32,
@@ -184,7 +225,7 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
     let mut end_bits = end.max(0.0).to_bits();
     let stack = stack.entries.as_mut_slice();
     let mut height = 0;
-    let mut current = tree.root;
+    let mut current = begin.nearest(tree, stack, &mut height);
     let (mut nodes, mut leaves) = (0, 0);
     loop {
         if current.is_leaf() {
@@ -225,22 +266,33 @@ fn enter_any<S: Simd, const W: usize>(
 ) -> Option<Child> {
     let [near, far] = ray.test(simd, node, ends);
     let bits = near.le(far).bits();
-    if bits == 0 {
-        return None;
-    }
+    if bits == 0 { None } else { Some(put_all(simd, node, bits, stack, height)) }
+}
+
+/// Of the children of a node that a ray enters, one at least, gives the first, and puts the others on the stack.
+#[inline(always)]
+pub(crate) fn put_all<S: Simd, const W: usize>(
+    simd: S,
+    node: &Node<W>,
+    bits: u32,
+    stack: &mut [u32],
+    height: &mut usize,
+) -> Child {
     let others = bits & (bits - 1);
     simd.compress_u32(simd.mask_f32(others), &node.children, &mut stack[*height..*height + W]);
     *height += others.count_ones() as usize;
-    Some(Child(node.children[bits.trailing_zeros() as usize % W]))
+    Child(node.children[bits.trailing_zeros() as usize % W])
 }
 
 /// Visits leaves whose boxes the ray may meet, in any order, until one says that the ray is stopped; whether one did.
 ///
 /// What is met is put on the stack all at once: without an order there is no number of children to guess.
 #[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "as above")]
 pub(crate) fn is_stopped<S: Simd, const W: usize>(
     simd: S,
     tree: &Tree<W>,
+    begin: &impl Begin<W>,
     stack: &mut Stack,
     ray: &CullRay,
     end: f32,
@@ -251,7 +303,7 @@ pub(crate) fn is_stopped<S: Simd, const W: usize>(
     let (ray, ends) = (BoxRay::new(simd, ray), simd.splat_f32(end));
     let stack = stack.children.as_mut_slice();
     let mut height = 0;
-    let mut current = tree.root;
+    let mut current = begin.any(simd, tree, stack, &mut height);
     let (mut nodes, mut leaves) = (0, 0);
     let is_stopped = loop {
         if current.is_leaf() {
@@ -279,8 +331,8 @@ pub(crate) fn is_stopped<S: Simd, const W: usize>(
 }
 
 #[inline(always)]
-fn entry<const W: usize>(node: &Node<W>, entries: &[f32; W], lane: usize) -> u64 {
-    u64::from(entries[lane].to_bits()) << 32 | u64::from(node.children[lane])
+fn entry<const W: usize>(node: &Node<W>, distance: f32, lane: usize) -> u64 {
+    u64::from(distance.to_bits()) << 32 | u64::from(node.children[lane])
 }
 
 #[inline(always)]
