@@ -4,7 +4,8 @@ use rayset_geometry::ConeAxis;
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::frame::{Frame, round_up};
-use crate::interval::{LeafRay, splat};
+use crate::interval::splat;
+use crate::ray::CullRay;
 
 /// How far the distance of two lines, times the sine between them, may be off, in units of the rounding of a coordinate.
 pub const AXIS_MARGIN: f32 = 40.0;
@@ -43,10 +44,9 @@ impl<S: Simd> AxisRays<S> {
 
     /// A ray in every lane, which ends at `end`.
     #[inline(always)]
-    fn of(ray: &LeafRay<S>, end: f32) -> Self {
-        let simd = ray.simd;
-        let ways = [splat(simd, ray.origin), splat(simd, ray.direction)];
-        Self::new(ways, [simd.splat_f32(ray.start), simd.splat_f32(end)], ray.unit)
+    fn of<const N: usize>(simd: S, ray: CullRay<'_, N>, end: f32) -> Self {
+        let ways = [splat(simd, ray.origin()), splat(simd, ray.direction())];
+        Self::new(ways, [simd.splat_f32(ray.start()), simd.splat_f32(end)], ray.unit())
     }
 }
 
@@ -72,8 +72,8 @@ impl<const W: usize> AxisBlock<W> {
 
     /// The lanes that a ray may hit before `end`.
     #[inline(always)]
-    pub(crate) fn candidates<S: Simd>(&self, ray: &LeafRay<S>, end: f32) -> u32 {
-        self.met_by(ray.simd, &AxisRays::of(ray, end))
+    pub(crate) fn candidates<S: Simd>(&self, simd: S, ray: CullRay<'_, W>, end: f32) -> u32 {
+        self.met_by(simd, &AxisRays::of(simd, ray, end))
     }
 
     /// The lanes that a ray, which stands in every lane, may hit.
@@ -157,7 +157,7 @@ mod tests {
     use rayset_simd::{Backend, Kernel, Scalar};
 
     use super::*;
-    use crate::ray::CullRay;
+    use crate::ray::{Copies, CullRays};
 
     /// How many hits of rays that graze cylinders and cones, meet them at their ends, or end there are lost, and how many
     /// rays are passed over.
@@ -217,10 +217,10 @@ mod tests {
                     }
                 }
                 let frame = Frame::of(&BoundingBox { min: place(DVec3::NEG_ONE), max: place(DVec3::ONE) });
-                let Some(cull) = CullRay::new::<_, 8>(Scalar, &frame, &ray, span, true) else {
-                    continue;
-                };
-                let mut rays = AxisRays::of(&LeafRay::new(simd, &cull), cull.end_above);
+                let alone =
+                    CullRays::<8>::alone(Scalar, &frame, &Copies::<8>::of(&ray, span).columns(), true);
+                let Some(cull) = alone.ray(0) else { continue };
+                let mut rays = AxisRays::of(simd, cull, cull.end_above());
                 for (margin, factor) in rays.margins.iter_mut().zip(self.factors) {
                     *margin *= factor;
                 }

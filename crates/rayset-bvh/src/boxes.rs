@@ -218,9 +218,9 @@ impl<const W: usize> Wide<W> {
                     search.finish(None);
                     continue;
                 };
-                let end = cull.end_above;
+                let end = cull.end_above();
                 let mut visit = Visit { wide: self, cull, end, query, nearest: None, search };
-                traverse(simd, &self.tree, &AtRoot, &mut stack, &cull, end, &mut steps, &mut visit);
+                traverse(simd, &self.tree, &AtRoot, &mut stack, cull, end, &mut steps, &mut visit);
                 let nearest = visit.nearest;
                 search.finish(nearest);
             }
@@ -281,7 +281,7 @@ impl<F: Fn(u32, &Query) -> Option<f64>, A: FnMut(bool)> Search for OccludedOf<F,
 /// A ray on its way through a tree.
 struct Visit<'a, Q, const W: usize> {
     wide: &'a Wide<W>,
-    cull: CullRay,
+    cull: CullRay<'a, W>,
     end: f32,
     /// The span ends just after the nearest hit so far, so that ties are found.
     query: Query,

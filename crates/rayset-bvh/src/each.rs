@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use rayset_geometry::{Departure, PrimitiveKind, Ray, Span};
+use rayset_geometry::PrimitiveKind;
 use rayset_simd::{Part, Simd};
 
 use crate::entrance::{Entered, Entrance};
@@ -11,9 +11,9 @@ use crate::exact::{Departing, Sure};
 use crate::few::{EachOfFew, OfFew};
 use crate::frame::Frame;
 use crate::hierarchy::{Scratch, Wide};
-use crate::packet::RayColumns;
-use crate::ray::{CullRay, CullRays};
-use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles};
+use crate::packet::{RayColumns, RayOf};
+use crate::ray::CullRays;
+use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Traced};
 use crate::traverse::Begin;
 
 /// What is asked about rays.
@@ -36,7 +36,7 @@ pub(crate) trait OfRay: Copy {
         simd: S,
         wide: &Wide<W>,
         begin: &impl Begin<W>,
-        traced: &Traced,
+        traced: &Traced<'_, W>,
         known: Self::Answer,
         scratch: &mut Scratch,
     ) -> Self::Found;
@@ -85,7 +85,7 @@ impl OfRay for NearestHit {
         simd: S,
         wide: &Wide<W>,
         begin: &impl Begin<W>,
-        traced: &Traced,
+        traced: &Traced<'_, W>,
         known: Option<Hit>,
         scratch: &mut Scratch,
     ) -> Nearest {
@@ -145,7 +145,7 @@ impl OfRay for AnyHit {
         simd: S,
         wide: &Wide<W>,
         begin: &impl Begin<W>,
-        traced: &Traced,
+        traced: &Traced<'_, W>,
         known: bool,
         scratch: &mut Scratch,
     ) -> bool {
@@ -163,15 +163,6 @@ impl OfRay for AnyHit {
     ) {
         answers.copy_from_slice(&found[..departing.left.len()]);
     }
-}
-
-/// A ray on its way.
-pub(crate) struct Traced {
-    /// In culling space, unless it cannot hit anything.
-    pub(crate) cull: Option<CullRay>,
-    pub(crate) ray: Ray,
-    pub(crate) span: Span,
-    pub(crate) departure: Option<Departure>,
 }
 
 /// Rays of a list that are traced one by one.
@@ -223,13 +214,13 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
                 let known = if KNOWN { places[i] } else { Q::UNKNOWN };
                 left[lane] = columns.left(i);
                 let begin = Entered { entrance: &entrance, ray: lane };
-                found[lane] = if open >> lane & 1 == 1 && entrance.of(lane) != 0 {
-                    let (ray, span) = columns.ray(i);
-                    let departure = wide.shapes.departure(left[lane]);
-                    let traced = Traced { cull: prepared.ray(lane), ray, span, departure };
-                    question.ask::<S, C, W>(simd, wide, &begin, &traced, known, scratch)
-                } else {
-                    Q::keep(known)
+                found[lane] = match prepared.ray(lane) {
+                    Some(cull) if open >> lane & 1 == 1 && entrance.of(lane) != 0 => {
+                        let departure = wide.shapes.departure(left[lane]);
+                        let traced = Traced { cull, ray: RayOf { columns: &columns, i }, departure };
+                        question.ask::<S, C, W>(simd, wide, &begin, &traced, known, scratch)
+                    }
+                    _ => Q::keep(known),
                 };
             }
             let departing = Departing { rays: columns, first, left: &left[..len] };

@@ -54,7 +54,11 @@ impl<const W: usize> Entrance<W> {
 
     /// The children that a ray enters, a bit each.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of small powers of two")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a sum of small powers of two"
+    )]
     pub(crate) fn of(&self, ray: usize) -> u32 {
         self.entered[ray] as u32
     }

@@ -9,8 +9,9 @@ use rayset_geometry::glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::Frame;
-use crate::interval::{DEPTH_MARGIN, Edges, Intervals, LeafRay, TriangleBlock, VERTEX_MARGIN};
+use crate::interval::{DEPTH_MARGIN, Edges, Intervals, TriangleBlock, VERTEX_MARGIN, splat};
 use crate::packet::Packet;
+use crate::ray::CullRay;
 use crate::shaft::Shaft;
 
 /// A polygon of more vertices is not tested as a fan: by its `f64` test alone it is as fast.
@@ -77,20 +78,20 @@ impl<const W: usize> FanBlock<W> {
 
     /// Tests a ray; `None` if it surely misses everything.
     #[inline(always)]
-    pub(crate) fn test<S: Simd>(&self, ray: &LeafRay<S>) -> Option<Fans<W>> {
-        let simd = ray.simd;
+    pub(crate) fn test<S: Simd, const N: usize>(&self, simd: S, ray: CullRay<'_, N>) -> Option<Fans<W>> {
+        let triangles = &self.triangles;
         let [a, b, c] =
-            [self.triangles.vertex(ray, 0), self.triangles.vertex(ray, 3), self.triangles.vertex(ray, 6)];
-        let edges = Edges::of(simd, [[a[0], a[1]], [b[0], b[1]], [c[0], c[1]]], VERTEX_MARGIN * ray.unit);
+            [triangles.vertex(simd, ray, 0), triangles.vertex(simd, ray, 3), triangles.vertex(simd, ray, 6)];
+        let edges = Edges::of(simd, [[a[0], a[1]], [b[0], b[1]], [c[0], c[1]]], VERTEX_MARGIN * ray.unit());
         let Edges { error, least, greatest, .. } = edges;
         let possible = (least.ge(-error) | greatest.le(error)).bits();
         if possible == 0 {
             return None;
         }
         let twice = error + error;
-        let sz = simd.splat_f32(ray.factors[2]);
+        let [_, _, sz] = splat(simd, ray.factors());
         let (a, b, c) = (sz * a[2], sz * b[2], sz * c[2]);
-        let slack = simd.splat_f32(DEPTH_MARGIN * ray.unit);
+        let slack = simd.splat_f32(DEPTH_MARGIN * ray.unit());
         let (mut lows, mut highs) = ([0.0; W], [0.0; W]);
         (a.min(b).min(c) - slack).store(&mut lows);
         (a.max(b).max(c) + slack).store(&mut highs);
@@ -174,7 +175,7 @@ mod tests {
 
     use super::*;
     use crate::packet::{Approach, RayColumns, level};
-    use crate::ray::CullRay;
+    use crate::ray::{Copies, CullRays};
 
     /// How often the single-precision answer contradicts the exact one, and how often it is sure.
     #[derive(Debug, Default)]
@@ -247,16 +248,15 @@ mod tests {
                 // From nearby, where coordinates are long beside distances.
                 let eye = if case % 7 == 0 { target + 1e-2 * (DVec3::Z + 0.5 * dice.point()) } else { far };
                 let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
-                let Some(cull) = CullRay::new::<_, 8>(Scalar, &frame, &ray, Span::FORWARD, true) else {
-                    continue;
-                };
-                let mut leaf = LeafRay::new(simd, &cull);
-                leaf.unit *= self.factor;
+                let copies = Copies::<8>::of(&ray, Span::FORWARD);
+                let mut rays = CullRays::<8>::alone(Scalar, &frame, &copies.columns(), true);
+                rays.unit = rays.unit.map(|unit| unit * self.factor);
+                let Some(cull) = rays.ray(0) else { continue };
                 let vertices = polygon.vertices();
                 let found = if S::F32::LANES == 16 {
-                    candidate::<S, 16>(&leaf, vertices, &frame)
+                    candidate::<S, 16>(simd, cull, vertices, &frame)
                 } else {
-                    candidate::<S, 8>(&leaf, vertices, &frame)
+                    candidate::<S, 8>(simd, cull, vertices, &frame)
                 };
                 let primitive = Primitive::from(polygon.clone());
                 let hit = |sides| primitive.intersect(&ray, Span::FORWARD, sides, None);
@@ -341,14 +341,15 @@ mod tests {
 
     #[inline(always)]
     fn candidate<S: Simd, const W: usize>(
-        leaf: &LeafRay<S>,
+        simd: S,
+        cull: CullRay<'_, 8>,
         vertices: &[DVec3],
         frame: &Frame,
     ) -> Option<Candidate> {
         let mut block = FanBlock::<W>::EMPTY;
         let after = block.set(1, 3, vertices, frame);
         assert_eq!(after, vertices.len() - 1);
-        let mut fans = block.test(leaf)?;
+        let mut fans = block.test(simd, cull)?;
         let candidate = block.next(&mut fans);
         assert!(candidate.is_none_or(|candidate| candidate.place == 3));
         assert!(block.next(&mut fans).is_none(), "there is one polygon");

@@ -9,13 +9,14 @@ use rayset_simd::{Backend, ByLanes, Kernel, Simd, large_page_vec};
 
 use crate::build::{Reference, build};
 use crate::duplicates::superfluous;
-use crate::each::{AnyHit, NearestHit, Rays, Traced};
+use crate::each::{AnyHit, NearestHit, Rays};
 use crate::fans::fan_len;
 use crate::few::{FewSphere, OfFew};
 use crate::frame::Frame;
 use crate::node::Tree;
-use crate::ray::CullRay;
-use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Prepared, Shapes};
+use crate::packet::RayOf;
+use crate::ray::{Copies, CullRays};
+use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Shapes, Traced};
 use crate::traverse::{AtRoot, Begin, Stack, Steps, Visitor, is_stopped, traverse};
 use crate::{Query, RayColumns};
 
@@ -253,20 +254,6 @@ impl<const W: usize> Wide<W> {
         C::TRIANGLES && (!C::OTHERS || self.shapes.is_flat())
     }
 
-    /// Prepares a ray.
-    #[inline(always)]
-    fn traced<S: Simd, C: Content>(
-        &self,
-        simd: S,
-        frame: &Frame,
-        ray: &Ray,
-        span: Span,
-        from: Option<(u32, Side)>,
-    ) -> Traced {
-        let cull = CullRay::new::<S, W>(simd, frame, ray, span, self.is_flat::<C>());
-        Traced { cull, ray: *ray, span, departure: self.shapes.departure(from) }
-    }
-
     /// The least of a ray's hits.
     #[inline(always)]
     pub(crate) fn nearest<S: Simd>(
@@ -297,11 +284,14 @@ impl<const W: usize> Wide<W> {
         from: Option<(u32, Side)>,
         scratch: &mut Scratch,
     ) -> Option<Hit> {
-        let traced = self.traced::<S, C>(simd, frame, ray, span, from);
+        let copies = Copies::<W>::of(ray, span);
+        let (columns, departure) = (copies.columns(), self.shapes.departure(from));
+        let rays = CullRays::alone(simd, frame, &columns, self.is_flat::<C>());
+        let traced = Traced { cull: rays.ray(0)?, ray: RayOf { columns: &columns, i: 0 }, departure };
         match self.nearest_of::<S, C>(simd, &AtRoot, &traced, None, scratch).found {
             Found::Nothing => None,
             Found::At(hit) => Some(hit),
-            Found::Sure(sure) => self.shapes.exact_alone(simd, (ray, span), traced.departure, &sure),
+            Found::Sure(sure) => self.shapes.exact_alone(simd, (ray, span), departure, &sure),
         }
     }
 
@@ -311,18 +301,18 @@ impl<const W: usize> Wide<W> {
         &self,
         simd: S,
         begin: &impl Begin<W>,
-        traced: &Traced,
+        traced: &Traced<'_, W>,
         known: Option<Hit>,
         scratch: &mut Scratch,
     ) -> Nearest {
-        let Some(cull) = &traced.cull else { return Nearest::known(known) };
+        let cull = traced.cull;
         let Scratch { stack, steps, primitive_tests } = scratch;
-        let end = known.map_or(cull.end_above, |hit| cull.end(hit.t));
+        let end = known.map_or(cull.end_above(), |hit| cull.end(hit.t));
         let mut visitor = NearestVisitor {
             content: PhantomData::<C>,
+            simd,
             shapes: &self.shapes,
-            ray: Prepared::new(simd, cull, traced.ray, traced.span, traced.departure),
-            cull,
+            ray: traced,
             end,
             nearest: known.map_or(Nearest::NONE, |hit| Nearest::at(cull, hit)),
             tests: primitive_tests,
@@ -342,15 +332,30 @@ impl<const W: usize> Wide<W> {
         scratch: &mut Scratch,
     ) -> bool {
         if self.shapes.is_only(PrimitiveKind::Sphere) {
-            let traced = self.traced::<S, OnlySpheres>(simd, frame, ray, span, from);
-            self.occluded_of::<S, OnlySpheres>(simd, &AtRoot, &traced, scratch)
+            self.occluded_alone::<S, OnlySpheres>(simd, frame, ray, span, from, scratch)
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {
-            let traced = self.traced::<S, OnlyTriangles>(simd, frame, ray, span, from);
-            self.occluded_of::<S, OnlyTriangles>(simd, &AtRoot, &traced, scratch)
+            self.occluded_alone::<S, OnlyTriangles>(simd, frame, ray, span, from, scratch)
         } else {
-            let traced = self.traced::<S, Anything>(simd, frame, ray, span, from);
-            self.occluded_of::<S, Anything>(simd, &AtRoot, &traced, scratch)
+            self.occluded_alone::<S, Anything>(simd, frame, ray, span, from, scratch)
         }
+    }
+
+    #[inline(always)]
+    fn occluded_alone<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        ray: &Ray,
+        span: Span,
+        from: Option<(u32, Side)>,
+        scratch: &mut Scratch,
+    ) -> bool {
+        let copies = Copies::<W>::of(ray, span);
+        let (columns, departure) = (copies.columns(), self.shapes.departure(from));
+        let rays = CullRays::alone(simd, frame, &columns, self.is_flat::<C>());
+        let Some(cull) = rays.ray(0) else { return false };
+        let traced = Traced { cull, ray: RayOf { columns: &columns, i: 0 }, departure };
+        self.occluded_of::<S, C>(simd, &AtRoot, &traced, scratch)
     }
 
     #[inline(always)]
@@ -358,20 +363,20 @@ impl<const W: usize> Wide<W> {
         &self,
         simd: S,
         begin: &impl Begin<W>,
-        traced: &Traced,
+        traced: &Traced<'_, W>,
         scratch: &mut Scratch,
     ) -> bool {
-        let Some(cull) = &traced.cull else { return false };
         let Scratch { stack, steps, primitive_tests } = scratch;
-        let end = cull.end_above;
+        let end = traced.cull.end_above();
         let mut visitor = AnyVisitor {
             content: PhantomData::<C>,
+            simd,
             shapes: &self.shapes,
-            ray: Prepared::new(simd, cull, traced.ray, traced.span, traced.departure),
+            ray: traced,
             end,
             tests: primitive_tests,
         };
-        is_stopped(simd, &self.tree, begin, stack, cull, end, steps, &mut visitor)
+        is_stopped(simd, &self.tree, begin, stack, traced.cull, end, steps, &mut visitor)
     }
 
     fn bytes(&self) -> usize {
@@ -381,9 +386,9 @@ impl<const W: usize> Wide<W> {
 
 struct NearestVisitor<'h, S: Simd, C: Content, const W: usize> {
     content: PhantomData<C>,
+    simd: S,
     shapes: &'h Shapes<W>,
-    ray: Prepared<S>,
-    cull: &'h CullRay,
+    ray: &'h Traced<'h, W>,
     end: f32,
     nearest: Nearest,
     tests: &'h mut u64,
@@ -392,16 +397,17 @@ struct NearestVisitor<'h, S: Simd, C: Content, const W: usize> {
 impl<S: Simd, C: Content, const W: usize> Visitor for NearestVisitor<'_, S, C, W> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
-        let Self { shapes, ray, cull, end, nearest, tests, .. } = self;
-        shapes.nearest::<S, C>(leaf, ray, cull, nearest, end, tests);
+        let Self { shapes, end, nearest, tests, .. } = self;
+        shapes.nearest::<S, C>(self.simd, leaf, self.ray, nearest, end, tests);
         Some(self.end)
     }
 }
 
 struct AnyVisitor<'h, S: Simd, C: Content, const W: usize> {
     content: PhantomData<C>,
+    simd: S,
     shapes: &'h Shapes<W>,
-    ray: Prepared<S>,
+    ray: &'h Traced<'h, W>,
     end: f32,
     tests: &'h mut u64,
 }
@@ -410,9 +416,9 @@ impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
         // Of triangles, what a block is tested with would else be spread over lanes before the traversal, for every ray, and
-        // not stay in registers. A nearest hit is more in need of its `f64` ray, which should stay there.
-        let ray = if C::TRIANGLES { black_box(&self.ray) } else { &self.ray };
-        let is_hit = self.shapes.any::<S, C>(leaf, ray, self.end, self.tests);
+        // not stay in registers.
+        let ray = if C::TRIANGLES { black_box(self.ray) } else { self.ray };
+        let is_hit = self.shapes.any::<S, C>(self.simd, leaf, ray, self.end, self.tests);
         if is_hit { None } else { Some(self.end) }
     }
 }

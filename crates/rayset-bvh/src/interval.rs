@@ -1,7 +1,7 @@
 //! Single-precision tests that say between which distances a ray hits, if it does.
 //!
 //! A lane is *possible* if the `f64` test may report a hit there, and *sure* if it must. The hit then lies between
-//! `low` and `high`, in culling space. All margins are multiples of one number, [`LeafRay::unit`]: the rounding of a
+//! `low` and `high`, in culling space. All margins are multiples of one number, [`CullRay::unit`]: the rounding of a
 //! coordinate. They are derived in `docs/numerics.md`.
 
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
@@ -42,50 +42,14 @@ pub(crate) struct SpanLanes<S: Simd> {
     pub(crate) ends: S::F32,
 }
 
-/// A ray prepared for testing blocks.
-///
-/// Plain numbers, spread over the lanes where they are used: that is a load, and a ray that meets few leaves has
-/// little to keep.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct LeafRay<S: Simd> {
-    pub(crate) simd: S,
-    pub(crate) origin: [f32; 3],
-    pub(crate) direction: [f32; 3],
-    sheared: [f32; 3],
-    axes: [usize; 3],
-    pub(crate) factors: [f32; 3],
-    pub(crate) unit: f32,
-    /// The span, outwards and inwards.
-    pub(crate) start: f32,
-    pub(crate) start_above: f32,
-    pub(crate) end_below: f32,
-}
-
-impl<S: Simd> LeafRay<S> {
-    /// What of a ray the leaves need.
+impl<S: Simd> SpanLanes<S> {
+    /// That of a ray, in every lane, as long as it goes on to `end`.
     #[inline(always)]
-    pub(crate) fn new(simd: S, cull: &CullRay) -> Self {
+    fn of<const N: usize>(simd: S, ray: CullRay<'_, N>, end: f32) -> Self {
         Self {
-            simd,
-            origin: cull.origin,
-            direction: cull.direction,
-            sheared: cull.sheared,
-            axes: cull.axes,
-            factors: cull.factors,
-            unit: cull.unit,
-            start: cull.start,
-            start_above: cull.start_above,
-            end_below: cull.end_below,
-        }
-    }
-
-    #[inline(always)]
-    fn span(&self, end: f32) -> SpanLanes<S> {
-        let simd = self.simd;
-        SpanLanes {
-            start: simd.splat_f32(self.start),
-            start_above: simd.splat_f32(self.start_above),
-            end_below: simd.splat_f32(self.end_below),
+            start: simd.splat_f32(ray.start()),
+            start_above: simd.splat_f32(ray.start_above()),
+            end_below: simd.splat_f32(ray.end_below()),
             ends: simd.splat_f32(end),
         }
     }
@@ -127,25 +91,25 @@ impl<const W: usize> SphereBlock<W> {
 
     /// Where a ray hits the spheres whose `front` and `back` may be hit.
     #[inline(always)]
-    pub(crate) fn intervals<S: Simd>(
+    pub(crate) fn intervals<S: Simd, const N: usize>(
         &self,
-        ray: &LeafRay<S>,
+        simd: S,
+        ray: CullRay<'_, N>,
         end: f32,
         front: u32,
         back: u32,
     ) -> Intervals<S> {
-        let simd = ray.simd;
         let [x, y, z] = &self.center;
         let center = [simd.load_f32(x), simd.load_f32(y), simd.load_f32(z)];
-        let span = ray.span(end);
+        let span = SpanLanes::of(simd, ray, end);
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
         sphere(
             simd,
             center,
             simd.load_f32(&self.radius),
-            splat(simd, ray.origin),
-            splat(simd, ray.direction),
-            ray.unit,
+            splat(simd, ray.origin()),
+            splat(simd, ray.direction()),
+            ray.unit(),
             &span,
             front,
             back,
@@ -247,25 +211,32 @@ impl<const W: usize> TriangleBlock<W> {
 
     /// Where a ray hits the triangles whose `front` and `back` may be hit.
     #[inline(always)]
-    pub(crate) fn intervals<S: Simd>(
+    pub(crate) fn intervals<S: Simd, const N: usize>(
         &self,
-        ray: &LeafRay<S>,
+        simd: S,
+        ray: CullRay<'_, N>,
         end: f32,
         front: u32,
         back: u32,
     ) -> Intervals<S> {
-        let vertices = [self.vertex(ray, 0), self.vertex(ray, 3), self.vertex(ray, 6)];
-        let (simd, span) = (ray.simd, ray.span(end));
+        let vertices = [self.vertex(simd, ray, 0), self.vertex(simd, ray, 3), self.vertex(simd, ray, 6)];
+        let span = SpanLanes::of(simd, ray, end);
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
-        triangle(simd, vertices, simd.splat_f32(ray.factors[2]), [ray.unit, 1.0], &span, front, back)
+        let [_, _, sz] = ray.factors();
+        triangle(simd, vertices, simd.splat_f32(sz), [ray.unit(), 1.0], &span, front, back)
     }
 
     /// Three columns, sheared.
     #[inline(always)]
-    pub(crate) fn vertex<S: Simd>(&self, ray: &LeafRay<S>, first: usize) -> [S::F32; 3] {
-        let ([x, y, z], simd) = (ray.axes, ray.simd);
-        let [ox, oy, oz] = splat(simd, ray.sheared);
-        let [sx, sy, _] = splat(simd, ray.factors);
+    pub(crate) fn vertex<S: Simd, const N: usize>(
+        &self,
+        simd: S,
+        ray: CullRay<'_, N>,
+        first: usize,
+    ) -> [S::F32; 3] {
+        let [x, y, z] = ray.axes();
+        let [ox, oy, oz] = splat(simd, ray.sheared());
+        let [sx, sy, _] = splat(simd, ray.factors());
         let z = simd.load_f32(&self.vertices[first + z]);
         let x = simd.load_f32(&self.vertices[first + x]);
         let y = simd.load_f32(&self.vertices[first + y]);
@@ -387,6 +358,7 @@ mod tests {
 
     use super::*;
     use crate::frame::Frame;
+    use crate::ray::{Copies, CullRays};
 
     /// How often the single-precision answer contradicts the exact one, and how often it is unsure.
     #[derive(Debug, Default)]
@@ -466,12 +438,13 @@ mod tests {
                 let end =
                     dice.pick([f64::INFINITY, distance, distance * (1.0 + 1e-7), distance * (1.0 - 1e-7)]);
                 let span = Span { start: dice.pick([0.0, distance * (1.0 - 1e-7)]), end };
-                let Some(cull) = CullRay::new::<_, 8>(Scalar, &frame, &ray, span, true) else {
+                let mut rays =
+                    CullRays::<8>::alone(Scalar, &frame, &Copies::<8>::of(&ray, span).columns(), true);
+                rays.unit = rays.unit.map(|unit| unit * self.factor);
+                let Some(cull) = rays.ray(0) else {
                     tally.lost += 1;
                     continue;
                 };
-                let mut leaf = LeafRay::new(simd, &cull);
-                leaf.unit *= self.factor;
                 let probe = Probe::new(Scalar, &ray, span, true);
                 let (found, exact) = if let Some(triangle) = triangle {
                     let mut block = TriangleBlock::<8>::EMPTY;
@@ -481,9 +454,9 @@ mod tests {
                     wide.set(3, vertices);
                     let end = cull.end(span.end);
                     let found = if S::F32::LANES == 16 {
-                        wide.intervals(&leaf, end, u32::MAX, u32::MAX)
+                        wide.intervals(simd, cull, end, u32::MAX, u32::MAX)
                     } else {
-                        block.intervals(&leaf, end, u32::MAX, u32::MAX)
+                        block.intervals(simd, cull, end, u32::MAX, u32::MAX)
                     };
                     (found, triangle.intersect(&probe, Sides::Both, None))
                 } else if let Some(sphere) = sphere {
@@ -494,9 +467,9 @@ mod tests {
                     wide.set(3, center, sphere.radius() * frame.scale);
                     let end = cull.end(span.end);
                     let found = if S::F32::LANES == 16 {
-                        wide.intervals(&leaf, end, u32::MAX, u32::MAX)
+                        wide.intervals(simd, cull, end, u32::MAX, u32::MAX)
                     } else {
-                        block.intervals(&leaf, end, u32::MAX, u32::MAX)
+                        block.intervals(simd, cull, end, u32::MAX, u32::MAX)
                     };
                     (found, sphere.intersect(&ray, span, Sides::Both, None))
                 } else {

@@ -70,6 +70,20 @@ impl RayColumns<'_> {
     }
 }
 
+/// One of the rays of columns, read where it is asked for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RayOf<'a> {
+    pub(crate) columns: &'a RayColumns<'a>,
+    pub(crate) i: usize,
+}
+
+impl RayOf<'_> {
+    #[inline(always)]
+    pub(crate) fn read(self) -> (Ray, Span) {
+        self.columns.ray(self.i)
+    }
+}
+
 /// Rays in culling space, a lane each.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Packet<S: Simd, const W: usize> {

@@ -34,69 +34,34 @@ pub(crate) const LEAST_COMPONENT: f32 = 1e-18;
 const SHEAR_AXES: [[[usize; 3]; 2]; 3] =
     [[[1, 2, 0], [2, 1, 0]], [[2, 0, 1], [0, 2, 1]], [[0, 1, 2], [1, 0, 2]]];
 
-/// A ray prepared for culling: it only discards what the `f64` ray cannot hit.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct CullRay {
-    /// One over the direction.
-    pub(crate) inverse: [f32; 3],
-    /// What is added to a near or far plane's distance.
-    pub(crate) near_offset: [f32; 3],
-    pub(crate) far_offset: [f32; 3],
-    /// Which of a node's six planes are near and far.
-    pub(crate) near: [usize; 3],
-    pub(crate) far: [usize; 3],
-    /// Where the span starts, or less, and or more.
-    pub(crate) start: f32,
-    pub(crate) start_above: f32,
-    /// Where the span ends, or less, and or more.
-    pub(crate) end_below: f32,
-    pub(crate) end_above: f32,
-    /// The origin in culling space, moved along the ray if it was far off, and the direction; rounded.
-    pub(crate) origin: [f32; 3],
-    pub(crate) direction: [f32; 3],
-    /// The axes of the shear, the shear's factors, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`, and the origin, sheared.
-    pub(crate) axes: [usize; 3],
-    pub(crate) factors: [f32; 3],
-    pub(crate) sheared: [f32; 3],
-    /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
-    pub(crate) unit: f32,
-    /// World units to units of culling space.
-    scale: f64,
-    /// How far the origin was moved along the ray, in units of culling space.
-    advance: f64,
-}
-
-impl CullRay {
-    /// A distance in culling space that is not below `t` in world units.
-    #[inline(always)]
-    pub(crate) fn end(&self, t: f64) -> f32 {
-        round_up(t * self.scale - self.advance)
-    }
-
-    /// A distance in culling space that is not above `t` in world units.
-    #[inline(always)]
-    pub(crate) fn below(&self, t: f64) -> f32 {
-        round_down(t * self.scale - self.advance)
-    }
-}
-
-/// As many rays as there are lanes, prepared together, since that takes as long as preparing one; traced one by one.
+/// As many rays as there are lanes, prepared for culling, which only discards what the `f64` rays cannot hit.
+///
+/// They are prepared together, since that takes as long as preparing one, and traced one by one.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct CullRays<const W: usize> {
+    /// One over the directions.
     inverse: [[f32; W]; 3],
+    /// What is added to the distance of a near or far plane.
     near_offset: [[f32; W]; 3],
     far_offset: [[f32; W]; 3],
+    /// The origins in culling space, moved along the rays if they were far off, and the directions; rounded.
     origin: [[f32; W]; 3],
     direction: [[f32; W]; 3],
+    /// The factors of the shears, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`, and the origins, sheared.
     factors: [[f32; W]; 3],
     sheared: [[f32; W]; 3],
+    /// Where each span starts, or less, and or more.
     start: [f32; W],
     start_above: [f32; W],
+    /// Where each span ends, or less, and or more.
     end_below: [f32; W],
     end_above: [f32; W],
-    unit: [f32; W],
+    /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
+    pub(crate) unit: [f32; W],
+    /// How far the origins were moved along the rays, in units of culling space.
     advance: [f64; W],
+    /// World units to units of culling space.
     scale: f64,
     /// The lanes whose direction is negative along each axis.
     turned: [u32; 3],
@@ -351,59 +316,161 @@ impl<const W: usize> CullRays<W> {
 
     /// A ray; `None` if it is so far off, or its span such, that it cannot hit anything.
     #[inline(always)]
-    pub(crate) fn ray(&self, lane: usize) -> Option<CullRay> {
-        if self.lost >> lane & 1 == 1 {
-            return None;
-        }
-        let of = |columns: &[[f32; W]; 3]| [columns[0][lane], columns[1][lane], columns[2][lane]];
-        let turned = self.turned.map(|lanes| (lanes >> lane & 1) as usize);
-        let along =
-            if self.along_last >> lane & 1 == 1 { 2 } else { 1 - (self.along_first >> lane & 1) as usize };
-        Some(CullRay {
-            inverse: of(&self.inverse),
-            near_offset: of(&self.near_offset),
-            far_offset: of(&self.far_offset),
-            near: [3 * turned[0], 1 + 3 * turned[1], 2 + 3 * turned[2]],
-            far: [3 - 3 * turned[0], 4 - 3 * turned[1], 5 - 3 * turned[2]],
-            start: self.start[lane],
-            start_above: self.start_above[lane],
-            end_below: self.end_below[lane],
-            end_above: self.end_above[lane],
-            origin: of(&self.origin),
-            direction: of(&self.direction),
-            axes: SHEAR_AXES[along][turned[along]],
-            factors: of(&self.factors),
-            sheared: of(&self.sheared),
-            unit: self.unit[lane],
-            scale: self.scale,
-            advance: self.advance[lane],
-        })
+    pub(crate) fn ray(&self, lane: usize) -> Option<CullRay<'_, W>> {
+        if self.lost >> lane & 1 == 1 { None } else { Some(CullRay { rays: self, lane }) }
+    }
+
+    /// Prepares one ray, of which there are as many copies as lanes.
+    #[inline(always)]
+    pub(crate) fn alone<S: Simd>(simd: S, frame: &Frame, copies: &RayColumns<'_>, is_flat: bool) -> Self {
+        let mut rays = Self::NONE;
+        rays.prepare(simd, frame, copies, (0, W), is_flat);
+        rays
     }
 }
 
-impl CullRay {
-    /// Prepares one ray; `None` if it is so far off that it cannot hit anything.
+/// A ray as columns of copies.
+#[derive(Clone, Debug)]
+pub(crate) struct Copies<const W: usize> {
+    origins: [[f64; W]; 3],
+    directions: [[f64; W]; 3],
+    spans: ([f64; W], [f64; W]),
+}
+
+impl<const W: usize> Copies<W> {
     #[inline(always)]
-    pub(crate) fn new<S: Simd, const W: usize>(
-        simd: S,
-        frame: &Frame,
-        ray: &Ray,
-        span: Span,
-        is_flat: bool,
-    ) -> Option<Self> {
-        let (origin, direction) = (ray.origin(), ray.direction());
-        let origins = origin.to_array().map(|x| [x; W]);
-        let directions = direction.to_array().map(|x| [x; W]);
-        let (starts, ends) = ([span.start; W], [span.end; W]);
-        let rays = RayColumns {
-            origins: [&origins[0], &origins[1], &origins[2]],
-            directions: [&directions[0], &directions[1], &directions[2]],
-            spans: (&starts, &ends),
+    pub(crate) fn of(ray: &Ray, span: Span) -> Self {
+        Self {
+            origins: ray.origin().to_array().map(|x| [x; W]),
+            directions: ray.direction().to_array().map(|x| [x; W]),
+            spans: ([span.start; W], [span.end; W]),
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn columns(&self) -> RayColumns<'_> {
+        let ([ox, oy, oz], [dx, dy, dz]) = (&self.origins, &self.directions);
+        RayColumns {
+            origins: [ox, oy, oz],
+            directions: [dx, dy, dz],
+            spans: (&self.spans.0, &self.spans.1),
             left: &[],
-        };
-        let mut block = CullRays::<W>::NONE;
-        block.prepare(simd, frame, &rays, (0, W), is_flat);
-        block.ray(0)
+        }
+    }
+}
+
+/// One of prepared rays. What is asked of it is read where it stands: few rays ask for everything.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CullRay<'a, const W: usize> {
+    rays: &'a CullRays<W>,
+    lane: usize,
+}
+
+impl<const W: usize> CullRay<'_, W> {
+    #[inline(always)]
+    fn of(self, columns: &[[f32; W]; 3]) -> [f32; 3] {
+        let lane = self.lane % W;
+        [columns[0][lane], columns[1][lane], columns[2][lane]]
+    }
+
+    /// Which axes the ray runs against.
+    #[inline(always)]
+    fn turned(self) -> [usize; 3] {
+        self.rays.turned.map(|lanes| (lanes >> self.lane & 1) as usize)
+    }
+
+    /// One over the direction.
+    #[inline(always)]
+    pub(crate) fn inverse(self) -> [f32; 3] {
+        self.of(&self.rays.inverse)
+    }
+
+    /// What is added to a near plane's distance, and a far plane's.
+    #[inline(always)]
+    pub(crate) fn offsets(self) -> [[f32; 3]; 2] {
+        [self.of(&self.rays.near_offset), self.of(&self.rays.far_offset)]
+    }
+
+    /// Which of a node's six planes are near, and far.
+    #[inline(always)]
+    pub(crate) fn planes(self) -> [[usize; 3]; 2] {
+        let turned = self.turned();
+        let near = [3 * turned[0], 1 + 3 * turned[1], 2 + 3 * turned[2]];
+        [near, [3 - 3 * turned[0], 4 - 3 * turned[1], 5 - 3 * turned[2]]]
+    }
+
+    /// The origin in culling space, moved along the ray if it was far off.
+    #[inline(always)]
+    pub(crate) fn origin(self) -> [f32; 3] {
+        self.of(&self.rays.origin)
+    }
+
+    #[inline(always)]
+    pub(crate) fn direction(self) -> [f32; 3] {
+        self.of(&self.rays.direction)
+    }
+
+    /// The axes of the shear: those across, and the one along.
+    #[inline(always)]
+    pub(crate) fn axes(self) -> [usize; 3] {
+        let CullRays { along_first, along_last, .. } = self.rays;
+        let along =
+            if along_last >> self.lane & 1 == 1 { 2 } else { 1 - (along_first >> self.lane & 1) as usize };
+        SHEAR_AXES[along][self.turned()[along]]
+    }
+
+    /// The shear's factors, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`.
+    #[inline(always)]
+    pub(crate) fn factors(self) -> [f32; 3] {
+        self.of(&self.rays.factors)
+    }
+
+    /// The origin, sheared.
+    #[inline(always)]
+    pub(crate) fn sheared(self) -> [f32; 3] {
+        self.of(&self.rays.sheared)
+    }
+
+    /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
+    #[inline(always)]
+    pub(crate) fn unit(self) -> f32 {
+        self.rays.unit[self.lane % W]
+    }
+
+    /// Where the span starts, or less.
+    #[inline(always)]
+    pub(crate) fn start(self) -> f32 {
+        self.rays.start[self.lane % W]
+    }
+
+    /// Where the span starts, or more.
+    #[inline(always)]
+    pub(crate) fn start_above(self) -> f32 {
+        self.rays.start_above[self.lane % W]
+    }
+
+    /// Where the span ends, or less.
+    #[inline(always)]
+    pub(crate) fn end_below(self) -> f32 {
+        self.rays.end_below[self.lane % W]
+    }
+
+    /// Where the span ends, or more.
+    #[inline(always)]
+    pub(crate) fn end_above(self) -> f32 {
+        self.rays.end_above[self.lane % W]
+    }
+
+    /// A distance in culling space that is not below `t` in world units.
+    #[inline(always)]
+    pub(crate) fn end(self, t: f64) -> f32 {
+        self.rays.end(self.lane % W, t)
+    }
+
+    /// A distance in culling space that is not above `t` in world units.
+    #[inline(always)]
+    pub(crate) fn below(self, t: f64) -> f32 {
+        round_down(t * self.rays.scale - self.rays.advance[self.lane % W])
     }
 }
 
@@ -415,11 +482,17 @@ mod tests {
     use super::*;
 
     /// Whether the ray meets a box, as a traversal tests it.
-    fn meets(cull: &CullRay, bounds: &crate::frame::CullBox) -> bool {
+    fn meets(cull: CullRay<'_, 8>, bounds: &crate::frame::CullBox) -> bool {
         let planes = [bounds.low, bounds.high].concat();
-        let near = (0..3).map(|k| planes[cull.near[k]] * cull.inverse[k] + cull.near_offset[k]);
-        let far = (0..3).map(|k| planes[cull.far[k]] * cull.inverse[k] + cull.far_offset[k]);
-        near.fold(cull.start, f32::max) <= far.fold(f32::INFINITY, f32::min)
+        let ([near, far], [near_offset, far_offset]) = (cull.planes(), cull.offsets());
+        let near = (0..3).map(|k| planes[near[k]] * cull.inverse()[k] + near_offset[k]);
+        let far = (0..3).map(|k| planes[far[k]] * cull.inverse()[k] + far_offset[k]);
+        near.fold(cull.start(), f32::max) <= far.fold(f32::INFINITY, f32::min)
+    }
+
+    /// A ray prepared by itself.
+    fn alone(frame: &Frame, ray: &Ray, span: Span) -> CullRays<8> {
+        CullRays::alone(Scalar, frame, &Copies::<8>::of(ray, span).columns(), true)
     }
 
     /// How many rays that touch a box exactly are said to miss it, if planes are moved by `factor` of the margin.
@@ -434,14 +507,14 @@ mod tests {
             let edge = DVec3::new(a, b, c + 0.3 * at(0.819_172_5));
             let across = DVec3::new(1.0, -1.0, at(0.671_043_6) - 0.5).normalize();
             let ray = Ray::new(edge - (1.0 + 3.0 * a) * across, across);
-            let mut cull = CullRay::new::<_, 8>(Scalar, &frame, &ray, Span::FORWARD, true).unwrap();
+            let mut rays = alone(&frame, &ray, Span::FORWARD);
             for k in 0..3 {
-                let (near, far) = (cull.near_offset[k], cull.far_offset[k]);
+                let (near, far) = (rays.near_offset[k][0], rays.far_offset[k][0]);
                 let middle = 0.5 * (near + far);
-                cull.near_offset[k] = middle + factor * (near - middle);
-                cull.far_offset[k] = middle + factor * (far - middle);
+                rays.near_offset[k][0] = middle + factor * (near - middle);
+                rays.far_offset[k][0] = middle + factor * (far - middle);
             }
-            misses += usize::from(!meets(&cull, &frame.cull_box(&bounds)));
+            misses += usize::from(!meets(rays.ray(0).unwrap(), &frame.cull_box(&bounds)));
         }
         misses
     }
@@ -456,9 +529,10 @@ mod tests {
     fn a_span_without_an_end_is_one() {
         let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
         let ray = Ray::new(DVec3::new(0.0, 0.0, -3.0), DVec3::Z);
-        let cull = CullRay::new::<_, 8>(Scalar, &frame, &ray, Span::FORWARD, true).expect("it hits");
+        let rays = alone(&frame, &ray, Span::FORWARD);
+        let cull = rays.ray(0).expect("it hits");
         // A hit is sure only if it surely lies before the end.
-        assert!(cull.end_below > 1e37, "{}", cull.end_below);
+        assert!(cull.end_below() > 1e37, "{}", cull.end_below());
         assert!(cull.end(Span::FORWARD.end) > f32::MAX);
     }
 
@@ -467,15 +541,28 @@ mod tests {
         let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
         for distance in [1.0, 10.0, 1e6, 1e12, 1e20, 1e300] {
             let ray = Ray::new(DVec3::new(0.0, 0.0, -distance), DVec3::Z);
-            let cull = CullRay::new::<_, 8>(Scalar, &frame, &ray, Span::FORWARD, true).expect("it hits");
-            assert!(cull.near_offset.iter().chain(&cull.far_offset).all(|offset| offset.is_finite()));
-            assert!(meets(&cull, &frame.cull_box(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE })));
+            let rays = alone(&frame, &ray, Span::FORWARD);
+            let cull = rays.ray(0).expect("it hits");
+            assert!(cull.offsets().as_flattened().iter().all(|offset| offset.is_finite()));
+            assert!(meets(cull, &frame.cull_box(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE })));
             let missing = Ray::new(ray.origin(), -DVec3::Z);
             assert!(
-                CullRay::new::<_, 8>(Scalar, &frame, &missing, Span::FORWARD, true).is_none()
-                    || !(100.0..1e12).contains(&distance)
+                alone(&frame, &missing, Span::FORWARD).ray(0).is_none() || !(100.0..1e12).contains(&distance)
             );
         }
+    }
+
+    /// All there is of a ray: the bits of its numbers, its planes and axes.
+    fn all(cull: CullRay<'_, 8>) -> (Vec<u32>, [[usize; 3]; 3]) {
+        let [near_offset, far_offset] = cull.offsets();
+        let (origin, direction) = (cull.origin(), cull.direction());
+        let threes =
+            [cull.inverse(), near_offset, far_offset, origin, direction, cull.factors(), cull.sheared()];
+        let ones = [cull.unit(), cull.start(), cull.start_above(), cull.end_below(), cull.end_above()];
+        let distances = [cull.end(1.0), cull.below(1.0)];
+        let numbers = threes.as_flattened().iter().chain(&ones).chain(&distances);
+        let [near, far] = cull.planes();
+        (numbers.map(|x| x.to_bits()).collect(), [near, far, cull.axes()])
     }
 
     #[test]
@@ -507,8 +594,9 @@ mod tests {
             prepared.prepare(Scalar, &frame, &columns, (first, len), true);
             for lane in 0..len {
                 let (ray, span) = rays[first + lane];
-                let alone = CullRay::new::<_, 8>(Scalar, &frame, &ray, span, true);
-                assert_eq!(format!("{:?}", prepared.ray(lane)), format!("{alone:?}"), "{}", first + lane);
+                let alone = alone(&frame, &ray, span);
+                let (ray, alone) = (prepared.ray(lane), alone.ray(0));
+                assert_eq!(ray.map(all), alone.map(all), "{}", first + lane);
                 lost += u32::from(alone.is_none());
             }
             first += len;

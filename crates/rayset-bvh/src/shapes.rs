@@ -1,14 +1,15 @@
 //! The primitives of a hierarchy, in the order of its leaves.
 
 use rayset_geometry::{
-    ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Probe, Ray, Side, Sides, Span, Sphere, Triangle,
+    ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle,
 };
 use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
 use crate::axes::AxisBlock;
 use crate::exact::Sure;
 use crate::fans::FanBlock;
-use crate::interval::{Intervals, LeafRay, SphereBlock, TriangleBlock};
+use crate::interval::{Intervals, SphereBlock, TriangleBlock};
+use crate::packet::RayOf;
 use crate::ray::CullRay;
 use crate::shaft::BoxBlock;
 
@@ -109,27 +110,21 @@ pub(crate) struct Shapes<const W: usize> {
     places: Vec<(PrimitiveKind, u32)>,
 }
 
-/// A ray prepared for the leaves.
+/// A ray on its way.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Prepared<S: Simd> {
-    simd: S,
-    leaf: LeafRay<S>,
+pub(crate) struct Traced<'a, const W: usize> {
+    pub(crate) cull: CullRay<'a, W>,
     /// What the exact tests are made of, where a leaf asks for them.
-    ray: Ray,
-    span: Span,
-    departure: Option<Departure>,
+    pub(crate) ray: RayOf<'a>,
+    pub(crate) departure: Option<Departure>,
 }
 
-impl<S: Simd> Prepared<S> {
-    #[inline(always)]
-    pub(crate) fn new(simd: S, cull: &CullRay, ray: Ray, span: Span, departure: Option<Departure>) -> Self {
-        Self { simd, leaf: LeafRay::new(simd, cull), ray, span, departure }
-    }
-
+impl<const W: usize> Traced<'_, W> {
     /// What the tests of columns are made of; `is_flat` says whether there may be polygons.
     #[inline(always)]
-    fn probe(&self, is_flat: bool) -> Probe<S> {
-        Probe::new(self.simd, &self.ray, self.span, is_flat)
+    fn probe<S: Simd>(&self, simd: S, is_flat: bool) -> Probe<S> {
+        let (ray, span) = self.ray.read();
+        Probe::new(simd, &ray, span, is_flat)
     }
 }
 
@@ -160,7 +155,7 @@ impl Nearest {
 
     /// An exact hit.
     #[inline(always)]
-    pub(crate) fn at(cull: &CullRay, hit: Hit) -> Self {
+    pub(crate) fn at<const W: usize>(cull: CullRay<'_, W>, hit: Hit) -> Self {
         Self { low: cull.below(hit.t), found: Found::At(hit) }
     }
 }
@@ -199,9 +194,9 @@ impl<const W: usize> Shapes<W> {
 
     /// The exact distance to a sphere or triangle.
     #[inline(always)]
-    fn exact<S: Simd, C: Content>(
+    fn exact<C: Content>(
         &self,
-        ray: &Prepared<S>,
+        ray: &Traced<'_, W>,
         kind: PrimitiveKind,
         index: u32,
         sides: Sides,
@@ -210,32 +205,31 @@ impl<const W: usize> Shapes<W> {
             Some(departure) if departure.kind == kind && departure.index == index => Some(departure.side),
             _ => None,
         };
-        match kind {
-            _ if !C::TRIANGLES => {
-                self.spheres[index as usize].intersect(&ray.ray, ray.span, sides, departure)
-            }
-            PrimitiveKind::Sphere if C::SPHERES => {
-                self.spheres[index as usize].intersect(&ray.ray, ray.span, sides, departure)
-            }
-            _ => {
-                let probe = Probe::new(Scalar, &ray.ray, ray.span, true);
-                self.triangles[index as usize].intersect(&probe, sides, departure)
-            }
+        let is_sphere = !C::TRIANGLES || (C::SPHERES && kind == PrimitiveKind::Sphere);
+        if is_sphere {
+            let (ray, span) = ray.ray.read();
+            self.spheres[index as usize].intersect(&ray, span, sides, departure)
+        } else {
+            self.triangles[index as usize].intersect(&ray.probe(Scalar, true), sides, departure)
         }
     }
 
     #[inline(always)]
-    fn intervals<S: Simd, C: Content>(&self, i: usize, ray: &Prepared<S>, end: f32) -> Intervals<S> {
+    fn intervals<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        i: usize,
+        ray: &Traced<'_, W>,
+        end: f32,
+    ) -> Intervals<S> {
         let run = &self.runs[i];
         let (front, back) = Self::allowed(run, ray.departure);
         // Where there is nothing else, every run has its block, in the same order: no number to wait for.
         let block = if C::SPHERES && C::TRIANGLES { run.block as usize } else { i };
-        match run.kind {
-            _ if !C::TRIANGLES => self.sphere_blocks[block].intervals(&ray.leaf, end, front, back),
-            PrimitiveKind::Sphere if C::SPHERES => {
-                self.sphere_blocks[block].intervals(&ray.leaf, end, front, back)
-            }
-            _ => self.triangle_blocks[block].intervals(&ray.leaf, end, front, back),
+        if !C::TRIANGLES || (C::SPHERES && run.kind == PrimitiveKind::Sphere) {
+            self.sphere_blocks[block].intervals(simd, ray.cull, end, front, back)
+        } else {
+            self.triangle_blocks[block].intervals(simd, ray.cull, end, front, back)
         }
     }
 
@@ -301,12 +295,12 @@ impl<const W: usize> Shapes<W> {
 
     /// The hit that was known by an interval only.
     #[inline(always)]
-    pub(crate) fn resolve<S: Simd, C: Content>(&self, ray: &Prepared<S>, nearest: Nearest) -> Option<Hit> {
+    pub(crate) fn resolve<C: Content>(&self, ray: &Traced<'_, W>, nearest: Nearest) -> Option<Hit> {
         match nearest.found {
             Found::Nothing => None,
             Found::At(hit) => Some(hit),
             Found::Sure(Sure { kind, index, sides }) => {
-                let t = self.exact::<S, C>(ray, kind, index, sides);
+                let t = self.exact::<C>(ray, kind, index, sides);
                 debug_assert!(t.is_some(), "a sure hit is one");
                 let primitive = self.numbers[kind as usize][index as usize];
                 t.map(|t| Hit { t, primitive })
@@ -318,9 +312,9 @@ impl<const W: usize> Shapes<W> {
     #[inline(always)]
     pub(crate) fn nearest<S: Simd, C: Content>(
         &self,
+        simd: S,
         first_run: usize,
-        ray: &Prepared<S>,
-        cull: &CullRay,
+        ray: &Traced<'_, W>,
         nearest: &mut Nearest,
         end: &mut f32,
         tests: &mut u64,
@@ -330,20 +324,20 @@ impl<const W: usize> Shapes<W> {
             let run = &self.runs[i];
             *tests += u64::from(run.len);
             match run.kind {
-                _ if !C::OTHERS => self.nearest_in_block::<S, C>(i, ray, cull, nearest, end),
+                _ if !C::OTHERS => self.nearest_in_block::<S, C>(simd, i, ray, nearest, end),
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
-                    self.nearest_in_block::<S, C>(i, ray, cull, nearest, end);
+                    self.nearest_in_block::<S, C>(simd, i, ray, nearest, end);
                 }
                 PrimitiveKind::Polygon if run.block != NO_BLOCK => {
-                    self.nearest_in_fans::<S, C>(run, ray, cull, nearest, end);
+                    self.nearest_in_fans::<S, C>(simd, run, ray, nearest, end);
                 }
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(part) = self.part(run, ray, *end)
+                    if let Some(part) = self.part(simd, run, ray, *end)
                         && let Some(hit) =
-                            self.columns.nearest(&ray.probe(self.is_flat), &part, ray.departure)
+                            self.columns.nearest(&ray.probe(simd, self.is_flat), &part, ray.departure)
                     {
                         let primitive = self.numbers[run.kind as usize][hit.index as usize];
-                        self.offer::<S, C>(ray, cull, nearest, end, Hit { t: hit.t, primitive });
+                        self.offer::<C>(ray, nearest, end, Hit { t: hit.t, primitive });
                     }
                 }
             }
@@ -357,14 +351,14 @@ impl<const W: usize> Shapes<W> {
     #[inline(always)]
     fn nearest_in_block<S: Simd, C: Content>(
         &self,
+        simd: S,
         i: usize,
-        ray: &Prepared<S>,
-        cull: &CullRay,
+        ray: &Traced<'_, W>,
         nearest: &mut Nearest,
         end: &mut f32,
     ) {
         let run = &self.runs[i];
-        let found = self.intervals::<S, C>(i, ray, *end);
+        let found = self.intervals::<S, C>(simd, i, ray, *end);
         let mut bits = found.possible.bits();
         if bits == 0 {
             return;
@@ -385,37 +379,31 @@ impl<const W: usize> Shapes<W> {
                 let sure = Sure { kind: run.kind, index, sides: run.sides };
                 *nearest = Nearest { low, found: Found::Sure(sure) };
                 *end = high;
-            } else if let Some(t) = self.exact::<S, C>(ray, run.kind, index, run.sides) {
+            } else if let Some(t) = self.exact::<C>(ray, run.kind, index, run.sides) {
                 let primitive = self.numbers[run.kind as usize][index as usize];
-                self.offer::<S, C>(ray, cull, nearest, end, Hit { t, primitive });
+                self.offer::<C>(ray, nearest, end, Hit { t, primitive });
             }
         }
     }
 
     /// Keeps the nearer of an exact hit and the nearest so far.
     #[inline(always)]
-    fn offer<S: Simd, C: Content>(
-        &self,
-        ray: &Prepared<S>,
-        cull: &CullRay,
-        nearest: &mut Nearest,
-        end: &mut f32,
-        hit: Hit,
-    ) {
-        let hit = match self.resolve::<S, C>(ray, *nearest) {
+    fn offer<C: Content>(&self, ray: &Traced<'_, W>, nearest: &mut Nearest, end: &mut f32, hit: Hit) {
+        let hit = match self.resolve::<C>(ray, *nearest) {
             Some(best) if !hit.precedes(&best) => best,
             _ => hit,
         };
-        *nearest = Nearest::at(cull, hit);
-        *end = cull.end(hit.t);
+        *nearest = Nearest::at(ray.cull, hit);
+        *end = ray.cull.end(hit.t);
     }
 
     /// Whether anything in a leaf is hit.
     #[inline(always)]
     pub(crate) fn any<S: Simd, C: Content>(
         &self,
+        simd: S,
         first_run: usize,
-        ray: &Prepared<S>,
+        ray: &Traced<'_, W>,
         end: f32,
         tests: &mut u64,
     ) -> bool {
@@ -424,12 +412,14 @@ impl<const W: usize> Shapes<W> {
             let run = &self.runs[i];
             *tests += u64::from(run.len);
             let is_hit = match run.kind {
-                _ if !C::OTHERS => self.any_in_block::<S, C>(i, ray, end),
-                PrimitiveKind::Sphere | PrimitiveKind::Triangle => self.any_in_block::<S, C>(i, ray, end),
-                PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(run, ray, end),
+                _ if !C::OTHERS => self.any_in_block::<S, C>(simd, i, ray, end),
+                PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
+                    self.any_in_block::<S, C>(simd, i, ray, end)
+                }
+                PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(simd, run, ray, end),
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(part) = self.part(run, ray, end) {
-                        self.columns.any(&ray.probe(self.is_flat), &part, ray.departure).is_some()
+                    if let Some(part) = self.part(simd, run, ray, end) {
+                        self.columns.any(&ray.probe(simd, self.is_flat), &part, ray.departure).is_some()
                     } else {
                         false
                     }
@@ -443,9 +433,9 @@ impl<const W: usize> Shapes<W> {
     }
 
     #[inline(always)]
-    fn any_in_block<S: Simd, C: Content>(&self, i: usize, ray: &Prepared<S>, end: f32) -> bool {
+    fn any_in_block<S: Simd, C: Content>(&self, simd: S, i: usize, ray: &Traced<'_, W>, end: f32) -> bool {
         let run = &self.runs[i];
-        let found = self.intervals::<S, C>(i, ray, end);
+        let found = self.intervals::<S, C>(simd, i, ray, end);
         if found.sure.any() {
             return true;
         }
@@ -453,7 +443,7 @@ impl<const W: usize> Shapes<W> {
         while bits != 0 {
             let lane = bits.trailing_zeros();
             bits &= bits - 1;
-            if self.exact::<S, C>(ray, run.kind, run.first + lane, run.sides).is_some() {
+            if self.exact::<C>(ray, run.kind, run.first + lane, run.sides).is_some() {
                 return true;
             }
         }
@@ -462,12 +452,13 @@ impl<const W: usize> Shapes<W> {
 
     /// What of a run of cones, or of polygons without a block, the `f64` test must look at.
     #[inline(always)]
-    fn part<S: Simd>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> Option<ColumnRun> {
+    fn part<S: Simd>(&self, simd: S, run: &Run, ray: &Traced<'_, W>, end: f32) -> Option<ColumnRun> {
         if run.block == NO_BLOCK {
             return Some(run.columns());
         }
         let (front, back) = Self::allowed(run, ray.departure);
-        let candidates = self.axis_blocks[run.block as usize].candidates(&ray.leaf, end) & (front | back);
+        let block = &self.axis_blocks[run.block as usize];
+        let candidates = block.candidates(simd, ray.cull, end) & (front | back);
         if candidates == 0 {
             return None;
         }
@@ -479,9 +470,9 @@ impl<const W: usize> Shapes<W> {
     #[inline(always)]
     fn nearest_in_fans<S: Simd, C: Content>(
         &self,
+        simd: S,
         run: &Run,
-        ray: &Prepared<S>,
-        cull: &CullRay,
+        ray: &Traced<'_, W>,
         nearest: &mut Nearest,
         end: &mut f32,
     ) {
@@ -489,39 +480,39 @@ impl<const W: usize> Shapes<W> {
             return;
         }
         let block = &self.fan_blocks[run.block as usize];
-        let Some(mut fans) = block.test(&ray.leaf) else { return };
+        let Some(mut fans) = block.test(simd, ray.cull) else { return };
         while let Some(polygon) = block.next(&mut fans) {
-            if polygon.low > *end || polygon.high < ray.leaf.start {
+            if polygon.low > *end || polygon.high < ray.cull.start() {
                 continue;
             }
             let one = run.column(polygon.place);
-            if let Some(hit) = self.columns.nearest(&ray.probe(true), &one, ray.departure) {
+            if let Some(hit) = self.columns.nearest(&ray.probe(simd, true), &one, ray.departure) {
                 let primitive = self.numbers[run.kind as usize][hit.index as usize];
-                self.offer::<S, C>(ray, cull, nearest, end, Hit { t: hit.t, primitive });
+                self.offer::<C>(ray, nearest, end, Hit { t: hit.t, primitive });
             }
         }
     }
 
     #[inline(always)]
-    fn any_in_fans<S: Simd>(&self, run: &Run, ray: &Prepared<S>, end: f32) -> bool {
+    fn any_in_fans<S: Simd>(&self, simd: S, run: &Run, ray: &Traced<'_, W>, end: f32) -> bool {
         if run.is_left_by(ray.departure) {
             return false;
         }
         let block = &self.fan_blocks[run.block as usize];
-        let Some(mut fans) = block.test(&ray.leaf) else { return false };
+        let Some(mut fans) = block.test(simd, ray.cull) else { return false };
         while let Some(polygon) = block.next(&mut fans) {
             let one = run.column(polygon.place);
             // A plane is never met again by a ray that leaves it.
             let is_left = ray.departure.is_some_and(|d| d.kind == run.kind && d.index == one.range.start);
-            if is_left || polygon.low > end || polygon.high < ray.leaf.start {
+            if is_left || polygon.low > end || polygon.high < ray.cull.start() {
                 continue;
             }
             let is_met = (polygon.is_front && run.sides != Sides::Back)
                 || (polygon.is_back && run.sides != Sides::Front);
-            if is_met && polygon.low > ray.leaf.start_above && polygon.high < ray.leaf.end_below {
+            if is_met && polygon.low > ray.cull.start_above() && polygon.high < ray.cull.end_below() {
                 return true;
             }
-            if self.columns.any(&ray.probe(true), &one, ray.departure).is_some() {
+            if self.columns.any(&ray.probe(simd, true), &one, ray.departure).is_some() {
                 return true;
             }
         }

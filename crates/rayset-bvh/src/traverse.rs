@@ -86,18 +86,18 @@ struct BoxRay<S: Simd> {
 
 impl<S: Simd> BoxRay<S> {
     #[inline(always)]
-    fn new(simd: S, ray: &CullRay) -> Self {
-        let (near_planes, far_planes) = (ray.near, ray.far);
+    fn new<const W: usize>(simd: S, ray: CullRay<'_, W>) -> Self {
+        let ([near_planes, far_planes], [near_offset, far_offset]) = (ray.planes(), ray.offsets());
         // Known here, so that no load has to ask.
         assert!(near_planes[0].max(near_planes[1]).max(near_planes[2]) < 6, "a node has six planes");
         assert!(far_planes[0].max(far_planes[1]).max(far_planes[2]) < 6, "a node has six planes");
         Self {
             near_planes,
             far_planes,
-            inverse: splat(simd, ray.inverse),
-            near_offset: splat(simd, ray.near_offset),
-            far_offset: splat(simd, ray.far_offset),
-            start: simd.splat_f32(ray.start),
+            inverse: splat(simd, ray.inverse()),
+            near_offset: splat(simd, near_offset),
+            far_offset: splat(simd, far_offset),
+            start: simd.splat_f32(ray.start()),
         }
     }
 
@@ -214,7 +214,7 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
     tree: &Tree<W>,
     begin: &impl Begin<W>,
     stack: &mut Stack,
-    ray: &CullRay,
+    ray: CullRay<'_, W>,
     end: f32,
     steps: &mut Steps,
     visitor: &mut impl Visitor,
@@ -294,7 +294,7 @@ pub(crate) fn is_stopped<S: Simd, const W: usize>(
     tree: &Tree<W>,
     begin: &impl Begin<W>,
     stack: &mut Stack,
-    ray: &CullRay,
+    ray: CullRay<'_, W>,
     end: f32,
     steps: &mut Steps,
     visitor: &mut impl Visitor,

@@ -56,7 +56,8 @@ mod tests {
         for line in maps.lines() {
             let range = line.split(' ').next().and_then(|range| range.split_once('-'));
             if let Some((start, end)) = range
-                && let (Ok(start), Ok(end)) = (usize::from_str_radix(start, 16), usize::from_str_radix(end, 16))
+                && let (Ok(start), Ok(end)) =
+                    (usize::from_str_radix(start, 16), usize::from_str_radix(end, 16))
             {
                 is_inside = (start..end).contains(&address);
             } else if is_inside && let Some(flags) = line.strip_prefix("VmFlags:") {
