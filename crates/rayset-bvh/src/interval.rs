@@ -234,7 +234,7 @@ impl<const W: usize> TriangleBlock<W> {
         ray: CullRay<'_, N>,
         first: usize,
     ) -> [S::F32; 3] {
-        let [x, y, z] = ray.axes();
+        let [x, y, z] = ray.axes;
         let [ox, oy, oz] = splat(simd, ray.sheared());
         let [sx, sy, _] = splat(simd, ray.factors());
         let z = simd.load_f32(&self.vertices[first + z]);

@@ -317,7 +317,13 @@ impl<const W: usize> CullRays<W> {
     /// A ray; `None` if it is so far off, or its span such, that it cannot hit anything.
     #[inline(always)]
     pub(crate) fn ray(&self, lane: usize) -> Option<CullRay<'_, W>> {
-        if self.lost >> lane & 1 == 1 { None } else { Some(CullRay { rays: self, lane }) }
+        if self.lost >> lane & 1 == 1 {
+            return None;
+        }
+        let along =
+            if self.along_last >> lane & 1 == 1 { 2 } else { 1 - (self.along_first >> lane & 1) as usize };
+        let turned = (self.turned[along] >> lane & 1) as usize;
+        Some(CullRay { rays: self, lane, axes: SHEAR_AXES[along][turned] })
     }
 
     /// Prepares one ray, of which there are as many copies as lanes.
@@ -364,6 +370,8 @@ impl<const W: usize> Copies<W> {
 pub(crate) struct CullRay<'a, const W: usize> {
     rays: &'a CullRays<W>,
     lane: usize,
+    /// The axes of the shear: those across, and the one along.
+    pub(crate) axes: [usize; 3],
 }
 
 impl<const W: usize> CullRay<'_, W> {
@@ -371,12 +379,6 @@ impl<const W: usize> CullRay<'_, W> {
     fn of(self, columns: &[[f32; W]; 3]) -> [f32; 3] {
         let lane = self.lane % W;
         [columns[0][lane], columns[1][lane], columns[2][lane]]
-    }
-
-    /// Which axes the ray runs against.
-    #[inline(always)]
-    fn turned(self) -> [usize; 3] {
-        self.rays.turned.map(|lanes| (lanes >> self.lane & 1) as usize)
     }
 
     /// One over the direction.
@@ -394,7 +396,7 @@ impl<const W: usize> CullRay<'_, W> {
     /// Which of a node's six planes are near, and far.
     #[inline(always)]
     pub(crate) fn planes(self) -> [[usize; 3]; 2] {
-        let turned = self.turned();
+        let turned = self.rays.turned.map(|lanes| (lanes >> self.lane & 1) as usize);
         let near = [3 * turned[0], 1 + 3 * turned[1], 2 + 3 * turned[2]];
         [near, [3 - 3 * turned[0], 4 - 3 * turned[1], 5 - 3 * turned[2]]]
     }
@@ -408,15 +410,6 @@ impl<const W: usize> CullRay<'_, W> {
     #[inline(always)]
     pub(crate) fn direction(self) -> [f32; 3] {
         self.of(&self.rays.direction)
-    }
-
-    /// The axes of the shear: those across, and the one along.
-    #[inline(always)]
-    pub(crate) fn axes(self) -> [usize; 3] {
-        let CullRays { along_first, along_last, .. } = self.rays;
-        let along =
-            if along_last >> self.lane & 1 == 1 { 2 } else { 1 - (along_first >> self.lane & 1) as usize };
-        SHEAR_AXES[along][self.turned()[along]]
     }
 
     /// The shear's factors, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`.
@@ -562,7 +555,7 @@ mod tests {
         let distances = [cull.end(1.0), cull.below(1.0)];
         let numbers = threes.as_flattened().iter().chain(&ones).chain(&distances);
         let [near, far] = cull.planes();
-        (numbers.map(|x| x.to_bits()).collect(), [near, far, cull.axes()])
+        (numbers.map(|x| x.to_bits()).collect(), [near, far, cull.axes])
     }
 
     #[test]
