@@ -5,11 +5,12 @@ use rayset_simd::{Backend, ByLanes, Kernel, Simd};
 
 use crate::batch::Columns;
 use crate::build::{Reference, build};
+use crate::entrance::{Entered, Entrance};
 use crate::frame::Frame;
 use crate::hierarchy::ahead;
 use crate::node::Tree;
 use crate::ray::{CullRay, CullRays};
-use crate::traverse::{AtRoot, Stack, Steps, Visitor, traverse};
+use crate::traverse::{Stack, Steps, Visitor, traverse};
 use crate::{Hit, Query};
 
 /// How many boxes a leaf holds at most: few, since a box is cheaper to test than what may be in it.
@@ -209,18 +210,20 @@ impl<const W: usize> Wide<W> {
         let mut stack = Stack::of(&self.tree);
         let mut steps = Steps::default();
         let mut columns = Columns::NONE;
-        let mut prepared = CullRays::<W>::NONE;
+        let (mut prepared, mut entrance) = (CullRays::<W>::NONE, Entrance::<W>::NONE);
         for queries in queries.chunks(W) {
             prepared.prepare(simd, frame, &columns.fill(queries), (0, queries.len()), false);
-            for (lane, query) in queries.iter().enumerate() {
+            entrance.test(simd, &self.tree.nodes[0], &prepared, prepared.ends());
+            for (ray, query) in queries.iter().enumerate() {
                 let query = Query { span: ahead(query.span), ..*query };
-                let Some(cull) = prepared.ray(lane) else {
+                let Some(cull) = prepared.ray(ray).filter(|_| entrance.of(ray) != 0) else {
                     search.finish(None);
                     continue;
                 };
                 let end = cull.end_above();
+                let begin = Entered { entrance: &entrance, ray };
                 let mut visit = Visit { wide: self, cull, end, query, nearest: None, search };
-                traverse(simd, &self.tree, &AtRoot, &mut stack, cull, end, &mut steps, &mut visit);
+                traverse(simd, &self.tree, &begin, &mut stack, cull, end, &mut steps, &mut visit);
                 let nearest = visit.nearest;
                 search.finish(nearest);
             }

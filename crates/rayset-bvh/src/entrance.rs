@@ -83,3 +83,89 @@ impl<const W: usize> Begin<W> for Entered<'_, W> {
         put_all(simd, &tree.nodes[0], self.entrance.of(self.ray), stack, height)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+    use rayset_geometry::glam::{DVec3, dvec3};
+    use rayset_geometry::{BoundingBox, Ray, unit};
+    use rayset_simd::{Backend, Kernel};
+
+    use super::*;
+    use crate::frame::Frame;
+    use crate::packet::RayColumns;
+    use crate::traverse::children_of;
+
+    /// Whether each of many rays enters the same children together as by itself, and as far away.
+    struct Together;
+
+    impl Kernel for Together {
+        type Output = (usize, usize);
+
+        fn run<S: Simd>(self, simd: S) -> (usize, usize) {
+            if S::F32::LANES == 16 { compare::<S, 16>(simd) } else { compare::<S, 8>(simd) }
+        }
+    }
+
+    fn compare<S: Simd, const W: usize>(simd: S) -> (usize, usize) {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut point = |size: f64| {
+            let mut number = || size * (f64::from(rng.next_u32()) / f64::from(u32::MAX) * 2.0 - 1.0);
+            dvec3(number(), number(), number())
+        };
+        let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
+        let (mut entrance, mut prepared) = (Entrance::<W>::NONE, CullRays::<W>::NONE);
+        let (mut entered, mut missed) = (0, 0);
+        for case in 0..400 {
+            let mut node = Node::<W>::EMPTY;
+            for slot in 0..(case % W) + 1 {
+                let (a, b) = (point(1.0), point(1.0));
+                let bounds = BoundingBox { min: a.min(b), max: a.max(b) };
+                node.set(slot, &frame.cull_box(&bounds), Child::leaf(slot));
+            }
+            let rays: Vec<_> = (0..W)
+                .map(|i| {
+                    let origin = point(1.5);
+                    let toward = unit(point(0.5) - origin).unwrap_or(DVec3::X);
+                    // Along an axis, both ways, where nothing but zeros is across.
+                    let along = [DVec3::X, DVec3::NEG_Y, dvec3(0.0, -0.0, -1.0)][i % 3];
+                    let direction = if i % 4 == 0 { along } else { toward };
+                    Ray::new(origin, direction)
+                })
+                .collect();
+            let of = |at: &dyn Fn(&Ray) -> f64| rays.iter().map(at).collect::<Vec<_>>();
+            let origins = [0, 1, 2].map(|k| of(&|ray| ray.origin()[k]));
+            let directions = [0, 1, 2].map(|k| of(&|ray| ray.direction()[k]));
+            let starts: Vec<f64> = (0..W).map(|i| [0.0, 0.3][i % 2]).collect();
+            let ends: Vec<f64> = (0..W).map(|i| [f64::INFINITY, 1.0, f64::NAN][i % 3]).collect();
+            let columns = RayColumns {
+                origins: [&origins[0], &origins[1], &origins[2]],
+                directions: [&directions[0], &directions[1], &directions[2]],
+                spans: (&starts, &ends),
+                left: &[],
+            };
+            prepared.prepare(simd, &frame, &columns, (0, W), false);
+            entrance.test(simd, &node, &prepared, prepared.ends());
+            for i in 0..W {
+                let Some(cull) = prepared.ray(i) else { continue };
+                let (bits, near) = children_of(simd, &node, cull, prepared.ends()[i]);
+                assert_eq!(entrance.of(i), bits, "case {case}, ray {i}");
+                for (child, near) in near.iter().enumerate().filter(|(child, _)| bits >> child & 1 == 1) {
+                    assert_eq!(entrance.near[child][i].to_bits(), near.max(0.0).to_bits());
+                }
+                entered += bits.count_ones() as usize;
+                missed += usize::from(bits == 0);
+            }
+        }
+        (entered, missed)
+    }
+
+    #[test]
+    fn rays_enter_together_what_each_enters_alone() {
+        for &backend in Backend::available() {
+            let (entered, missed) = backend.run(Together);
+            assert!(entered > 1000 && missed > 500, "{backend}: {entered}, {missed}");
+        }
+    }
+}

@@ -415,10 +415,10 @@ struct AnyVisitor<'h, S: Simd, C: Content, const W: usize> {
 impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
-        // Of triangles alone, what a block is tested with would else be spread over lanes before the traversal, for every ray, and
-        // not stay in registers.
-        let is_first_spread = C::TRIANGLES && !C::OTHERS;
-        let ray = if is_first_spread { black_box(self.ray) } else { self.ray };
+        // Where all are triangles, what a block is tested with would else be spread over lanes before the traversal, for
+        // every ray, and not stay in registers.
+        let only_triangles = C::TRIANGLES && !C::OTHERS;
+        let ray = if only_triangles { black_box(self.ray) } else { self.ray };
         let is_hit = self.shapes.any::<S, C>(self.simd, leaf, ray, self.end, self.tests);
         if is_hit { None } else { Some(self.end) }
     }

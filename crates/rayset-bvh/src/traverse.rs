@@ -346,3 +346,17 @@ fn child_of(entry: u64) -> Child {
 fn load<S: Simd, const W: usize>(simd: S, node: &Node<W>, [x, y, z]: [usize; 3]) -> [S::F32; 3] {
     [simd.load_f32(&node.planes[x]), simd.load_f32(&node.planes[y]), simd.load_f32(&node.planes[z])]
 }
+
+/// The children of a node that a ray by itself enters, and where.
+#[cfg(test)]
+pub(crate) fn children_of<S: Simd, const W: usize>(
+    simd: S,
+    node: &Node<W>,
+    ray: CullRay<'_, W>,
+    end: f32,
+) -> (u32, [f32; W]) {
+    let [near, far] = BoxRay::new(simd, ray).test(simd, node, simd.splat_f32(end));
+    let mut distances = [0.0; W];
+    near.store(&mut distances);
+    (near.le(far).bits(), distances)
+}
