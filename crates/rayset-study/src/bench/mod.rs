@@ -45,7 +45,7 @@ pub const SLOW: f64 = 8.0;
 /// What was measured, and on which machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Bench {
-    /// The model name of the processor.
+    /// The processor: its name, family and model.
     pub processor: String,
     /// How many threads the machine runs at a time.
     pub cores: usize,

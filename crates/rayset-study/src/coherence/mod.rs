@@ -33,7 +33,7 @@ pub struct CoherenceCell {
 /// What was measured, and on which machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Coherence {
-    /// The model name of the processor.
+    /// The processor: its name, family and model.
     pub processor: String,
     /// How many threads the machine runs at a time; one was used.
     pub cores: usize,

@@ -40,11 +40,22 @@ impl Coherence {
     }
 }
 
-/// The model name that the system gives, if it does.
+/// The model name that the system gives, if it does, with family and number: virtual machines hide the rest of the name.
 pub(crate) fn processor() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    name.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
+    described(&fs::read_to_string("/proc/cpuinfo").unwrap_or_default())
+}
+
+/// The first processor of a list as Linux writes it.
+fn described(list: &str) -> String {
+    let value = |key: &str| {
+        let mut entries = list.lines().filter_map(|line| line.split_once(':'));
+        entries.find(|(name, _)| name.trim() == key).map(|(_, value)| value.trim())
+    };
+    match (value("model name"), value("cpu family"), value("model")) {
+        (Some(name), Some(family), Some(model)) => format!("{name} (family {family}, model {model})"),
+        (Some(name), ..) => name.to_owned(),
+        _ => std::env::consts::ARCH.to_owned(),
+    }
 }
 
 fn scene(spheres: u32) -> Result<Scene, StudyError> {
@@ -135,6 +146,15 @@ mod tests {
     use rayset_engine::Backend;
 
     use super::*;
+
+    #[test]
+    fn processors_are_told_apart() {
+        let list =
+            "processor\t: 0\ncpu family\t: 25\nmodel\t\t: 17\nmodel name\t: AMD EPYC\n\nmodel\t\t: 18\n";
+        assert_eq!(described(list), "AMD EPYC (family 25, model 17)");
+        assert_eq!(described("model name\t: Fast"), "Fast");
+        assert_eq!(described(""), std::env::consts::ARCH);
+    }
 
     #[test]
     fn bands_are_sweeps_of_the_whole_image() {
