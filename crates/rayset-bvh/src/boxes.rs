@@ -213,7 +213,7 @@ impl<const W: usize> Wide<W> {
         let (mut prepared, mut entrance) = (CullRays::<W>::NONE, Entrance::<W>::NONE);
         for queries in queries.chunks(W) {
             prepared.prepare(simd, frame, &columns.fill(queries), (0, queries.len()), false);
-            entrance.test(simd, &self.tree.nodes[0], &prepared, prepared.ends());
+            entrance.begin(simd, &self.tree, &prepared, prepared.ends());
             for (ray, query) in queries.iter().enumerate() {
                 let query = Query { span: ahead(query.span), ..*query };
                 let Some(cull) = prepared.ray(ray).filter(|_| entrance.of(ray) != 0) else {

@@ -207,8 +207,9 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
                     ends[lane] = Q::end(&prepared, lane, known);
                 }
             }
-            entrance.test(simd, &wide.tree.nodes[0], &prepared, &ends);
-            scratch.steps.nodes += u64::from(open.count_ones());
+            if entrance.begin(simd, &wide.tree, &prepared, &ends) {
+                scratch.steps.nodes += u64::from(open.count_ones());
+            }
             for lane in 0..len {
                 let i = first + lane;
                 let known = if KNOWN { places[i] } else { Q::UNKNOWN };

@@ -24,9 +24,28 @@ impl<const W: usize> Entrance<W> {
     /// No ray enters anything.
     pub(crate) const NONE: Self = Self { near: [[0.0; W]; W], entered: [0.0; W] };
 
+    /// Prepared rays enter a tree, up to the ends of their spans; whether there is a node that they test. The root may be a
+    /// leaf, which rays enter untested.
+    #[inline(always)]
+    pub(crate) fn begin<S: Simd>(
+        &mut self,
+        simd: S,
+        tree: &Tree<W>,
+        rays: &CullRays<W>,
+        ends: &[f32; W],
+    ) -> bool {
+        if tree.root.is_leaf() {
+            // It stands in the first slot of the first node.
+            (self.near[0], self.entered) = ([0.0; W], [1.0; W]);
+            return false;
+        }
+        self.test(simd, &tree.nodes[0], rays, ends);
+        true
+    }
+
     /// Tests prepared rays, up to the ends of their spans, against the boxes of a node.
     #[inline(always)]
-    pub(crate) fn test<S: Simd>(&mut self, simd: S, node: &Node<W>, rays: &CullRays<W>, ends: &[f32; W]) {
+    fn test<S: Simd>(&mut self, simd: S, node: &Node<W>, rays: &CullRays<W>, ends: &[f32; W]) {
         let (rays, ends) = (rays.slabs(simd), simd.load_f32(ends));
         let zero = simd.splat_f32(0.0);
         let mut entered = zero;
