@@ -11,7 +11,7 @@ use crate::{Outcome, project};
 ///
 /// Dev-dependencies follow the same arrows within the workspace.
 const LAYERS: &[(&str, &[&str], &[&str])] = &[
-    ("rayset-simd", &[], &[]),
+    ("rayset-simd", &[], &["libc"]),
     ("rayset-geometry", &["rayset-simd"], &["glam"]),
     ("rayset-bvh", &["rayset-geometry", "rayset-simd"], &["rayon"]),
     (
