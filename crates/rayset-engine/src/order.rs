@@ -22,7 +22,7 @@ pub enum PixelOrder {
 /// How much of an image a sweep covers: what a strategy retains never crosses from one sweep to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SweepLength {
-    /// A band of rows, rounded up to whole tiles.
+    /// A band of rows, rounded up to whole tiles, and pixels; shorter at the end of an image whose tiles follow a curve.
     Rows(u32),
     /// All of the image, as in the paper; on one thread, therefore.
     WholeImage,
@@ -35,20 +35,31 @@ impl Default for SweepLength {
 }
 
 impl PixelOrder {
-    /// The bands of rows that an image is cut into, from the top.
-    pub(crate) fn sweeps(self, height: u32, length: SweepLength) -> Vec<Range<u32>> {
+    /// The bands of rows that an image is cut into, from the top; so many rows, those of a pixel, stay together.
+    ///
+    /// Where tiles follow a curve the last bands are shorter: threads take one after the other, and none should be left
+    /// with a long one while the others have none.
+    pub(crate) fn sweeps(self, height: u32, length: SweepLength, rows_of_a_pixel: u32) -> Vec<Range<u32>> {
         let unit = match self {
             Self::Scanline | Self::Serpentine => 1,
             Self::Tiles(size) | Self::Morton(size) => size.max(1),
         };
-        let rows = match length {
-            SweepLength::WholeImage => height,
-            SweepLength::Rows(rows) => rows.max(1).div_ceil(unit).saturating_mul(unit),
-        };
-        (0..height)
-            .step_by(rows as usize)
-            .map(|start| start..start.saturating_add(rows).min(height))
-            .collect()
+        let SweepLength::Rows(rows) = length else { return Vec::from([0..height]) };
+        let to_multiple = |rows: u32, unit: u32| rows.max(1).div_ceil(unit).saturating_mul(unit);
+        let full = to_multiple(rows, unit);
+        let (mut bands, mut start) = (Vec::new(), 0);
+        while start < height {
+            let left = height - start;
+            let rows = match self {
+                Self::Morton(_) if left <= full => full / 4,
+                Self::Morton(_) if left <= full.saturating_mul(4) => full / 2,
+                _ => full,
+            };
+            let end = start.saturating_add(to_multiple(rows, rows_of_a_pixel.max(1))).min(height);
+            bands.push(start..end);
+            start = end;
+        }
+        bands
     }
 
     /// Appends the pixels `(x, y)` of a band of rows in order.
@@ -128,7 +139,7 @@ mod tests {
         for order in ORDERS {
             for length in [SweepLength::Rows(1), SweepLength::Rows(5), SweepLength::WholeImage] {
                 let mut pixels = Vec::new();
-                for band in order.sweeps(11, length) {
+                for band in order.sweeps(11, length, 1) {
                     order.extend_with_pixels(&mut pixels, 7, band);
                 }
                 assert_eq!(pixels.len(), 77, "{order:?} {length:?}");
@@ -141,11 +152,34 @@ mod tests {
 
     #[test]
     fn tiles_stay_whole() {
-        let bands = PixelOrder::Tiles(4).sweeps(11, SweepLength::Rows(5));
+        let bands = PixelOrder::Tiles(4).sweeps(11, SweepLength::Rows(5), 1);
         assert_eq!(bands, [0..8, 8..11]);
         let mut pixels = Vec::new();
         PixelOrder::Tiles(2).extend_with_pixels(&mut pixels, 3, 0..2);
         assert_eq!(pixels, [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (2, 1)]);
+    }
+
+    #[test]
+    fn bands_are_of_whole_pixels() {
+        for order in ORDERS {
+            for (rows, samples) in [(1, 3), (5, 3), (16, 7), (u32::MAX, 3)] {
+                let bands = order.sweeps(42, SweepLength::Rows(rows), samples);
+                assert!(bands.iter().all(|band| band.start % samples == 0), "{order:?}: {bands:?}");
+                assert!(bands.first().is_some_and(|band| band.start == 0));
+                assert!(bands.windows(2).all(|pair| pair[0].end == pair[1].start));
+                assert!(bands.last().is_some_and(|band| band.end == 42));
+            }
+        }
+    }
+
+    #[test]
+    fn the_last_bands_along_a_curve_are_shorter() {
+        let rows = |height| {
+            let bands = PixelOrder::Morton(32).sweeps(height, SweepLength::Rows(16), 1);
+            bands.iter().map(|band| band.end - band.start).collect::<Vec<_>>()
+        };
+        assert_eq!(rows(200), [32, 32, 32, 16, 16, 16, 16, 16, 8, 8, 8]);
+        assert_eq!(rows(20), [8, 8, 4]);
     }
 
     #[test]

@@ -158,10 +158,10 @@ pub fn render_observed(
         Ok(())
     };
     let order = options.order.unwrap_or_else(|| strategy.preferred_order());
-    let bands = order.sweeps(height_of(&canvas.grid), canvas.sweep_length(options.sweep));
-    // Each by itself: few are left at the end, and none should wait behind another.
+    let bands = order.sweeps(height_of(&canvas.grid), options.sweep, canvas.grid.rows_of_a_pixel());
+    // Each thread takes the next: the shortest come last.
     #[cfg(feature = "parallel")]
-    let outcome: Result<(), RenderError> = bands.into_par_iter().with_max_len(1).try_for_each(run);
+    let outcome: Result<(), RenderError> = bands.into_iter().par_bridge().try_for_each(run);
     #[cfg(not(feature = "parallel"))]
     let outcome: Result<(), RenderError> = bands.into_iter().try_for_each(run);
     outcome?;
@@ -251,16 +251,6 @@ impl Canvas {
             strategy_time: Duration::ZERO,
         };
         Self { grid, film, picture: Mutex::new(picture) }
-    }
-
-    /// Sweeps of whole pixels.
-    fn sweep_length(&self, length: SweepLength) -> SweepLength {
-        match length {
-            SweepLength::Rows(rows) => {
-                SweepLength::Rows(rows.max(1).next_multiple_of(self.grid.rows_of_a_pixel()))
-            }
-            SweepLength::WholeImage => length,
-        }
     }
 
     /// Adds the colours and counts of a sweep; the sums are of integers, so the order does not matter.

@@ -219,7 +219,13 @@ fn eye_rays_are_as_many_as_they_should_be_and_no_order_changes_a_mean() {
             assert_eq!(options.n_ray_sets(), count);
             let expected = frame(&standard, &options);
             assert_eq!(expected.counts.initial.cast, count, "{name}");
-            for order in [PixelOrder::Serpentine, PixelOrder::Tiles(4)] {
+            for order in [
+                PixelOrder::Serpentine,
+                PixelOrder::Tiles(4),
+                PixelOrder::Tiles(5),
+                PixelOrder::Morton(4),
+                PixelOrder::Morton(32),
+            ] {
                 let actual =
                     frame(&standard, &RenderOptions { order: Some(order), bundle_len: Some(7), ..options });
                 assert_same_pixels(&expected, &actual, format!("{name}, {eye_rays:?}, {order:?}"));
