@@ -47,6 +47,9 @@ impl<const W: usize> Exact<'_, W> {
     }
 }
 
+/// So many rays at least are tested together against a triangle.
+pub(crate) const LEAST_TOGETHER: u32 = 3;
+
 /// The exact hits of rays of a packet, of one primitive.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExactHits<const W: usize> {
@@ -55,6 +58,19 @@ pub(crate) struct ExactHits<const W: usize> {
     /// Where they do.
     pub(crate) t: [f64; W],
     pub(crate) primitive: u32,
+}
+
+impl<const W: usize> ExactHits<W> {
+    /// Writes the hits to the places of the packet's rays.
+    #[inline(always)]
+    pub(crate) fn write(&self, found: &mut [Option<Hit>]) {
+        let mut lanes = self.lanes;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % W;
+            lanes &= lanes - 1;
+            found[lane] = Some(Hit { t: self.t[lane], primitive: self.primitive });
+        }
+    }
 }
 
 /// Some rays of a packet, and a primitive that they may hit.
@@ -79,21 +95,32 @@ impl<S: Simd, const W: usize> Part<S> for ExactTogether<'_, W> {
         let mut hits = ExactHits { lanes: 0, t: [0.0; W], primitive: shapes.number(kind, index) };
         let pairs = S::F64::LANES;
         let mut lane = 0;
-        while kind == PrimitiveKind::Cone && lanes >> lane != 0 && first + lane + pairs <= rays.len() {
+        let is_triangle = kind == PrimitiveKind::Triangle;
+        let least = if is_triangle { LEAST_TOGETHER } else { 1 };
+        let can_go_together = is_triangle || kind == PrimitiveKind::Cone;
+        while can_go_together && lanes >> lane != 0 && first + lane + pairs <= rays.len() {
             let wanted = lanes & (u32::MAX >> (32 - pairs)) << lane;
-            if wanted != 0 {
+            if wanted.count_ones() >= least {
                 let pair = rays.lanes(simd, first + lane);
+                // A plane is never met again by a ray that leaves it.
+                let not_back = if is_triangle { leaving } else { outwards };
                 let front = if sides == Sides::Back { 0 } else { wanted & !leaving };
-                let back = if sides == Sides::Front { 0 } else { wanted & !outwards };
+                let back = if sides == Sides::Front { 0 } else { wanted & !not_back };
                 let sides = (simd.mask_f64(front >> lane), simd.mask_f64(back >> lane));
-                let (is_hit, t) = shapes.columns.cone_by_rays(simd, index, &pair.rays, pair.span, sides);
+                let (is_hit, t) = if is_triangle {
+                    let (rays, axes) = ShearedLanes::of(simd, &pair.rays, pair.span);
+                    let vertices = axes.order_all(shapes.triangle(index).splat(simd));
+                    Triangle::intersect_pairs(simd, &rays, vertices, sides)
+                } else {
+                    shapes.columns.cone_by_rays(simd, index, &pair.rays, pair.span, sides)
+                };
                 t.store(&mut hits.t[lane..]);
                 hits.lanes |= is_hit.bits() << lane;
                 lanes &= !wanted;
             }
             lane += pairs;
         }
-        // Of other kinds few are in doubt; and too few are left in the columns for all lanes.
+        // Too few to go together, or too few left in the columns for all lanes.
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
@@ -158,14 +185,18 @@ pub(crate) struct Departing<'a> {
 }
 
 /// The lanes of pairs that are tested, and those whose front and back may be hit.
-#[derive(Clone, Copy, Debug, Default)]
-struct Wanted {
+#[derive(Clone, Copy, Debug)]
+struct Wanted<const W: usize> {
     lanes: u32,
     front: u32,
     back: u32,
+    /// The numbers of their primitives.
+    primitives: [u32; W],
 }
 
-impl Wanted {
+impl<const W: usize> Wanted<W> {
+    const NONE: Self = Self { lanes: 0, front: 0, back: 0, primitives: [0; W] };
+
     /// Adds a lane.
     #[inline(always)]
     fn add(&mut self, lane: usize, sure: &Sure, primitive: u32, left: &[Option<(u32, Side)>]) {
@@ -175,6 +206,7 @@ impl Wanted {
         };
         let never_again = if sure.kind == PrimitiveKind::Triangle { leaves } else { outwards };
         self.lanes |= 1 << lane;
+        self.primitives[lane] = primitive;
         self.front |= u32::from(sure.sides != Sides::Back && !leaves) << lane;
         self.back |= u32::from(sure.sides != Sides::Front && !never_again) << lane;
     }
@@ -186,12 +218,7 @@ impl Wanted {
 
     /// Writes the hits of the lanes that were wanted.
     #[inline(always)]
-    fn write<L: Lanes<Scalar = f64>, const W: usize>(
-        &self,
-        (is_hit, t): (L::Mask, L),
-        primitives: &[u32; W],
-        found: &mut [Option<Hit>],
-    ) {
+    fn write<L: Lanes<Scalar = f64>>(&self, (is_hit, t): (L::Mask, L), found: &mut [Option<Hit>]) {
         let mut hits = is_hit.bits() & self.lanes;
         debug_assert_eq!(hits, self.lanes, "a sure hit is one");
         let mut distances = [0.0; W];
@@ -199,7 +226,7 @@ impl Wanted {
         while hits != 0 {
             let lane = hits.trailing_zeros() as usize;
             hits &= hits - 1;
-            found[lane] = Some(Hit { t: distances[lane], primitive: primitives[lane] });
+            found[lane] = Some(Hit { t: distances[lane], primitive: self.primitives[lane] });
         }
     }
 }
@@ -299,34 +326,21 @@ impl<const W: usize> Shapes<W> {
         simd: S,
         pairs: &Pairs<'_, S>,
         sure: &[Sure],
-        mut lanes: u32,
+        lanes: u32,
         found: &mut [Option<Hit>],
     ) -> u32 {
-        let mut spheres = [[0.0; W]; 4];
-        let mut primitives = [0; W];
-        let mut wanted = Wanted::default();
-        while lanes != 0 {
-            let i = lanes.trailing_zeros() as usize;
-            lanes &= lanes - 1;
-            let sure = &sure[i];
-            if sure.kind != PrimitiveKind::Sphere {
-                continue;
-            }
-            let sphere = self.sphere(sure.index);
-            primitives[i] = self.number(sure.kind, sure.index);
-            let [x, y, z] = sphere.center().to_array();
-            for (column, value) in spheres.iter_mut().zip([x, y, z, sphere.radius()]) {
-                column[i] = value;
-            }
-            wanted.add(i, sure, primitives[i], pairs.left);
-        }
-        if wanted.lanes != 0 {
-            let [x, y, z, radius] = &spheres;
-            let center = [simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)];
-            let sphere = (center, simd.load_f64(radius));
-            let hits = Sphere::intersect_pairs(simd, &pairs.rays, pairs.span, sphere, wanted.sides(simd));
-            wanted.write(hits, &primitives, found);
-        }
+        let Some((wanted, indices)) = self.wanted(PrimitiveKind::Sphere, pairs.left, sure, lanes) else {
+            return 0;
+        };
+        let sphere = |lane: usize| self.sphere(indices[lane]);
+        let center = [
+            simd.collect_f64(|lane| sphere(lane).center().x),
+            simd.collect_f64(|lane| sphere(lane).center().y),
+            simd.collect_f64(|lane| sphere(lane).center().z),
+        ];
+        let sphere = (center, simd.collect_f64(|lane| sphere(lane).radius()));
+        let hits = Sphere::intersect_pairs(simd, &pairs.rays, pairs.span, sphere, wanted.sides(simd));
+        wanted.write(hits, found);
         wanted.lanes
     }
 
@@ -337,38 +351,43 @@ impl<const W: usize> Shapes<W> {
         simd: S,
         pairs: &Pairs<'_, S>,
         sure: &[Sure],
-        mut lanes: u32,
+        lanes: u32,
         found: &mut [Option<Hit>],
     ) -> u32 {
-        let mut corners = [[[0.0; W]; 3]; 3];
-        let mut primitives = [0; W];
-        let mut wanted = Wanted::default();
+        let Some((wanted, indices)) = self.wanted(PrimitiveKind::Triangle, pairs.left, sure, lanes) else {
+            return 0;
+        };
+        let (rays, axes) = ShearedLanes::of(simd, &pairs.rays, pairs.span);
+        let vertices = axes.order_all(Triangle::collect(simd, &indices.map(|index| self.triangle(index))));
+        let hits = Triangle::intersect_pairs(simd, &rays, vertices, wanted.sides(simd));
+        wanted.write(hits, found);
+        wanted.lanes
+    }
+
+    /// Of some lanes those whose hit is of a kind, and of every lane the index of what it hits: of the others, of anything.
+    #[inline(always)]
+    fn wanted(
+        &self,
+        kind: PrimitiveKind,
+        left: &[Option<(u32, Side)>],
+        sure: &[Sure],
+        mut lanes: u32,
+    ) -> Option<(Wanted<W>, [u32; W])> {
+        let mut wanted = Wanted::NONE;
+        let mut indices = [0; W];
         while lanes != 0 {
-            let i = lanes.trailing_zeros() as usize;
+            let i = lanes.trailing_zeros() as usize % W;
             lanes &= lanes - 1;
             let sure = &sure[i];
-            if sure.kind != PrimitiveKind::Triangle {
+            if sure.kind != kind {
                 continue;
             }
-            primitives[i] = self.number(sure.kind, sure.index);
-            let vertices = self.triangle(sure.index).vertices();
-            for (columns, vertex) in corners.iter_mut().zip(vertices) {
-                for (column, value) in columns.iter_mut().zip(vertex.to_array()) {
-                    column[i] = value;
-                }
+            if wanted.lanes == 0 {
+                indices = [sure.index; W];
             }
-            wanted.add(i, sure, primitives[i], pairs.left);
+            indices[i] = sure.index;
+            wanted.add(i, sure, self.number(kind, sure.index), left);
         }
-        if wanted.lanes != 0 {
-            let (rays, axes) = ShearedLanes::of(simd, &pairs.rays, pairs.span);
-            let zero = simd.splat_f64(0.0);
-            let mut vertices = [[zero; 3]; 3];
-            for (vertex, [x, y, z]) in vertices.iter_mut().zip(&corners) {
-                *vertex = axes.order([simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)]);
-            }
-            let hits = Triangle::intersect_pairs(simd, &rays, vertices, wanted.sides(simd));
-            wanted.write(hits, &primitives, found);
-        }
-        wanted.lanes
+        (wanted.lanes != 0).then_some((wanted, indices))
     }
 }

@@ -50,7 +50,7 @@ impl Hierarchy {
     ///
     /// # Panics
     ///
-    /// If there are 2^31 primitives or more, or one reaches farther than `f64`.
+    /// If there are 2^30 primitives or more, or one reaches farther than `f64`.
     #[must_use]
     pub fn new<'p>(primitives: impl IntoIterator<Item = (&'p Primitive, Sides)>) -> Self {
         let mut columns = PrimitiveColumns::default();
@@ -67,10 +67,10 @@ impl Hierarchy {
     ///
     /// # Panics
     ///
-    /// If an index is not in the columns, there are 2^31 primitives or more, or one reaches farther than `f64`.
+    /// If an index is not in the columns, there are 2^30 primitives or more, or one reaches farther than `f64`.
     #[must_use]
     pub fn over(columns: &PrimitiveColumns, items: &[(PrimitiveKind, u32, Sides)], backend: Backend) -> Self {
-        assert!(items.len() < 1 << 31, "fewer than 2^31 primitives");
+        assert!(items.len() < 1 << 30, "fewer than 2^30 primitives");
         let bounds = items
             .par_iter()
             .with_min_len(1024)

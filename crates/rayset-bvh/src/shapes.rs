@@ -107,7 +107,29 @@ pub(crate) struct Shapes<const W: usize> {
     /// The only kind there is, if there is one.
     only: Option<PrimitiveKind>,
     /// Where each primitive went.
-    places: Vec<(PrimitiveKind, u32)>,
+    places: Vec<Place>,
+}
+
+/// The index of a primitive among those of its kind, and in the lowest bits the kind: rays look up what they leave, which
+/// stands anywhere, so that it is to be small.
+#[derive(Clone, Copy, Debug)]
+struct Place(u32);
+
+impl Place {
+    /// That of what is in no leaf: nobody's.
+    const NOWHERE: Self = Self(u32::MAX);
+
+    fn new(kind: PrimitiveKind, index: u32) -> Self {
+        assert!(index < 1 << 30, "fewer than 2^30 primitives");
+        Self(index << 2 | kind as u32)
+    }
+
+    #[inline(always)]
+    fn departure(self, side: Side) -> Departure {
+        const KINDS: [PrimitiveKind; 4] =
+            [PrimitiveKind::Sphere, PrimitiveKind::Triangle, PrimitiveKind::Polygon, PrimitiveKind::Cone];
+        Departure { kind: KINDS[self.0 as usize % 4], index: self.0 >> 2, side }
+    }
 }
 
 /// A ray on its way.
@@ -268,13 +290,7 @@ impl<const W: usize> Shapes<W> {
     /// What a ray leaves, by its place.
     #[inline(always)]
     pub(crate) fn departure(&self, from: Option<(u32, Side)>) -> Option<Departure> {
-        match from {
-            None => None,
-            Some((primitive, side)) => {
-                let (kind, index) = self.places[primitive as usize];
-                Some(Departure { kind, index, side })
-            }
-        }
+        from.map(|(primitive, side)| self.places[primitive as usize].departure(side))
     }
 
     /// The block of a run of polygons, if they have one, and of cones.

@@ -4,7 +4,9 @@ use rayset_geometry::{PrimitiveKind, Sides};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::axes::AxisRays;
-use crate::exact::{Departing, Exact, ExactHits, ExactTogether, NONE, PLACE_BITS, Sure, record_of};
+use crate::exact::{
+    Departing, Exact, ExactHits, ExactTogether, LEAST_TOGETHER, NONE, PLACE_BITS, Sure, record_of,
+};
 use crate::interval::{self, Intervals, SpanLanes};
 use crate::packet::Packet;
 use crate::shaft::Shaft;
@@ -117,11 +119,28 @@ impl<S: Simd> Nearest<S> {
     ) {
         let mut records = [0.0; W];
         self.records.store(&mut records);
+        let records = records.map(f32::to_bits);
+        let all = u32::MAX >> (32 - packet.len);
+        let mut open = all & !simd.equal_u32(&records, NONE).bits();
         let (mut sure, mut lanes) = ([Sure::NONE; W], 0);
-        for lane in 0..packet.len {
-            let record = records[lane].to_bits();
-            if record != NONE {
-                sure[lane] = exact.sure(record);
+        while open != 0 {
+            let lane = open.trailing_zeros() as usize % W;
+            let record = records[lane];
+            let alike = open & simd.equal_u32(&records, record).bits();
+            open &= !alike;
+            let one = exact.sure(record);
+            // Rays that hit the same need not each fetch it.
+            if one.kind == PrimitiveKind::Triangle && alike.count_ones() >= LEAST_TOGETHER {
+                let hits = exact.hits(simd, packet, alike, record);
+                debug_assert_eq!(hits.lanes, alike, "a sure hit is one");
+                hits.write(found);
+                continue;
+            }
+            let mut alike = alike;
+            while alike != 0 {
+                let lane = alike.trailing_zeros() as usize % W;
+                alike &= alike - 1;
+                sure[lane] = one;
                 lanes |= 1 << lane;
             }
         }

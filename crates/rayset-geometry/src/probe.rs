@@ -99,6 +99,13 @@ impl<S: Simd> AxesLanes<S> {
         let along = x.select(is_x, y.select(is_y, z));
         [last.select(is_mirrored, next), next.select(is_mirrored, last), along]
     }
+
+    /// The same of three points.
+    #[must_use]
+    #[inline(always)]
+    pub fn order_all(&self, [a, b, c]: [[S::F64; 3]; 3]) -> [[S::F64; 3]; 3] {
+        [self.order(a), self.order(b), self.order(c)]
+    }
 }
 
 /// Rays that are sheared, a lane each.

@@ -36,6 +36,39 @@ impl Triangle {
         &self.vertices
     }
 
+    /// The vertices of one triangle, in every lane: as of [`Triangle::intersect_pairs`], in the order of the world's axes.
+    #[must_use]
+    #[inline(always)]
+    pub fn splat<S: Simd>(&self, simd: S) -> [[S::F64; 3]; 3] {
+        let zero = simd.splat_f64(0.0);
+        let mut vertices = [[zero; 3]; 3];
+        for (lanes, vertex) in vertices.iter_mut().zip(&self.vertices) {
+            *lanes = [simd.splat_f64(vertex.x), simd.splat_f64(vertex.y), simd.splat_f64(vertex.z)];
+        }
+        vertices
+    }
+
+    /// The vertices of triangles, one a lane: as of [`Triangle::intersect_pairs`], in the order of the world's axes.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer triangles than lanes.
+    #[must_use]
+    #[inline(always)]
+    pub fn collect<S: Simd>(simd: S, triangles: &[&Self]) -> [[S::F64; 3]; 3] {
+        let triangles = &triangles[..S::F64::LANES];
+        let zero = simd.splat_f64(0.0);
+        let mut vertices = [[zero; 3]; 3];
+        for (v, lanes) in vertices.iter_mut().enumerate() {
+            *lanes = [
+                simd.collect_f64(|lane| triangles[lane].vertices[v].x),
+                simd.collect_f64(|lane| triangles[lane].vertices[v].y),
+                simd.collect_f64(|lane| triangles[lane].vertices[v].z),
+            ];
+        }
+        vertices
+    }
+
     /// The unit normal of the front; along +z for a triangle without area.
     #[must_use]
     pub fn normal(&self) -> DVec3 {

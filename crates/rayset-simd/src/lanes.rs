@@ -151,6 +151,11 @@ pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// If there are fewer.
     #[must_use]
     fn load_f64(self, values: &[f64]) -> Self::F64;
+    /// What is given for each lane, from wherever it stands.
+    ///
+    /// Put together in a register: lanes that are written one by one, and read again all at once, wait for the memory.
+    #[must_use]
+    fn collect_f64(self, of_lane: impl Fn(usize) -> f64) -> Self::F64;
     /// The mask whose lane `i` is bit `i`; higher bits are ignored.
     #[must_use]
     fn mask_f64(self, bits: u32) -> <Self::F64 as Lanes>::Mask;

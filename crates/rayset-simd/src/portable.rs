@@ -206,6 +206,10 @@ impl Simd for Portable {
         F64x4(from_fn(|i| values[i]))
     }
     #[inline(always)]
+    fn collect_f64(self, of_lane: impl Fn(usize) -> f64) -> F64x4 {
+        F64x4(from_fn(of_lane))
+    }
+    #[inline(always)]
     fn mask_f64(self, bits: u32) -> M64x4 {
         M64x4::of(|i| bits >> i & 1 == 1)
     }

@@ -88,6 +88,10 @@ impl Simd for Scalar {
         values[0]
     }
     #[inline(always)]
+    fn collect_f64(self, of_lane: impl Fn(usize) -> f64) -> f64 {
+        of_lane(0)
+    }
+    #[inline(always)]
     fn mask_f64(self, bits: u32) -> bool {
         bits & 1 == 1
     }

@@ -30,6 +30,7 @@ impl Kernel for AllOperations<'_> {
                 a.select(a.lt(b), b),
                 a.select(simd.mask_f64(u32::MAX), b),
                 a.select(simd.mask_f64(0), b),
+                simd.collect_f64(|lane| self.b[i + lane]),
             ];
             for lane in 0..S::F64::LANES {
                 let mut stored = [0.0; MAX_LANES];

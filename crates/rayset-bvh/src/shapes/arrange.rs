@@ -7,7 +7,7 @@ use rayset_geometry::glam::DVec3;
 use rayset_geometry::{PrimitiveColumns, PrimitiveKind, Sides};
 use rayset_simd::large_page_vec;
 
-use super::{NO_BLOCK, Run, Shapes};
+use super::{NO_BLOCK, Place, Run, Shapes};
 use crate::axes::AxisBlock;
 use crate::build::Reference;
 use crate::fans::{FanBlock, fan_len};
@@ -30,9 +30,7 @@ impl<const W: usize> Shapes<W> {
         {
             return Self::arrange_alike(frame, source, items, references, leaves);
         }
-        // What is in no leaf has a place that is nobody's.
-        let nowhere = (PrimitiveKind::Sphere, u32::MAX);
-        let mut shapes = Self { places: vec![nowhere; items.len()], ..Self::default() };
+        let mut shapes = Self { places: vec![Place::NOWHERE; items.len()], ..Self::default() };
         let mut members = Vec::new();
         let mut leaf_runs = Vec::with_capacity(leaves.len());
         for leaf in leaves {
@@ -112,11 +110,10 @@ impl<const W: usize> Shapes<W> {
             shapes.triangle_blocks = collected(leaves.par_iter().with_min_len(64).map(block));
         }
         let numbers = collected(references.par_iter().with_min_len(1024).map(Reference::primitive));
-        // What is in no leaf has a place that is nobody's.
         shapes.places = large_page_vec(items.len());
-        shapes.places.resize(items.len(), (kind, u32::MAX));
+        shapes.places.resize(items.len(), Place::NOWHERE);
         for (place, reference) in references.iter().enumerate() {
-            shapes.places[reference.primitive() as usize].1 = index_of(place);
+            shapes.places[reference.primitive() as usize] = Place::new(kind, index_of(place));
         }
         shapes.numbers[kind as usize] = numbers;
         (shapes, (0..index_of(leaves.len())).collect())
@@ -179,7 +176,7 @@ impl<const W: usize> Shapes<W> {
                     self.columns.push_from(source, kind, index, sides);
                 }
             }
-            self.places[number as usize] = (kind, first + index_of(lane));
+            self.places[number as usize] = Place::new(kind, first + index_of(lane));
             self.numbers[kind as usize].push(number);
         }
     }

@@ -193,6 +193,13 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn collect_f64(self, of_lane: impl Fn(usize) -> f64) -> Avx2F64 {
+        let [a, b, c, d] = std::array::from_fn(of_lane);
+        // SAFETY: see `register_lanes`.
+        Avx2F64(unsafe { _mm256_set_pd(d, c, b, a) })
+    }
+
+    #[inline(always)]
     fn load_f64(self, values: &[f64]) -> Avx2F64 {
         let values = &values[..4];
         // SAFETY: the slice holds a register.

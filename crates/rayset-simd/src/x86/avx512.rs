@@ -143,6 +143,13 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn collect_f64(self, of_lane: impl Fn(usize) -> f64) -> Avx512F64 {
+        let [a, b, c, d, e, f, g, h] = std::array::from_fn(of_lane);
+        // SAFETY: see `register_lanes`.
+        Avx512F64(unsafe { _mm512_set_pd(h, g, f, e, d, c, b, a) })
+    }
+
+    #[inline(always)]
     fn load_f64(self, values: &[f64]) -> Avx512F64 {
         let values = &values[..8];
         // SAFETY: the slice holds a register.
