@@ -44,7 +44,7 @@ impl PixelOrder {
             Self::Scanline | Self::Serpentine => 1,
             Self::Tiles(size) | Self::Morton(size) => size.max(1),
         };
-        let SweepLength::Rows(rows) = length else { return Vec::from([0..height]) };
+        let SweepLength::Rows(rows) = length else { return std::iter::once(0..height).collect() };
         let to_multiple = |rows: u32, unit: u32| rows.max(1).div_ceil(unit).saturating_mul(unit);
         let full = to_multiple(rows, unit);
         let (mut bands, mut start) = (Vec::new(), 0);
