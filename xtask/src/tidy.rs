@@ -20,7 +20,7 @@ const LAYERS: &[(&str, &[&str], &[&str])] = &[
         &["earcut", "flate2", "libm", "rand_chacha", "strsim", "thiserror", "tobj", "toml"],
     ),
     ("rayset-engine", &["rayset-bvh", "rayset-geometry", "rayset-scene", "rayset-simd"], &["libm", "rayon"]),
-    ("rayset-image", &[], &["exr", "image", "libm", "thiserror"]),
+    ("rayset-image", &[], &["exr", "image", "libm", "rayon", "thiserror"]),
     (
         "rayset-study",
         &["rayset", "rayset-engine", "rayset-geometry", "rayset-image", "rayset-scene", "rayset-simd"],

@@ -9,7 +9,7 @@ use rayset::engine::{
     StrategyKind,
 };
 use rayset::glam::DVec3;
-use rayset::image::{Image, check_writable, to_srgb8, write_exr, write_png_rgb8, write_whole};
+use rayset::image::{Image, ImageError, check_writable, to_srgb8, write_exr, write_png_rgb8, write_whole};
 use rayset::scene::{Camera, Scene};
 use rayset::{ChannelNames, image_of};
 
@@ -139,7 +139,7 @@ pub(crate) fn run(options: &Options) -> Result<Outcome, Box<dyn Error>> {
 
     let start = Instant::now();
     if let Some(target) = &target {
-        options.write(target, &frame, &render_options)?;
+        pool.install(|| options.write(target, &frame, &render_options))?;
     }
     let write = start.elapsed();
     let statistics = Statistics {
@@ -265,7 +265,7 @@ impl Options {
         Ok(Traced { frame, audit, prepare })
     }
 
-    fn write(&self, target: &Target, frame: &Frame, options: &RenderOptions) -> Result<(), Box<dyn Error>> {
+    fn write(&self, target: &Target, frame: &Frame, options: &RenderOptions) -> Result<(), ImageError> {
         let path = target.path();
         match target {
             Target::Exr(_) => {
@@ -287,7 +287,7 @@ impl Options {
         frame: &Frame,
         names: ChannelNames,
         options: &RenderOptions,
-    ) -> Result<Image, Box<dyn Error>> {
+    ) -> Result<Image, ImageError> {
         let scene = self.source.scene.file_name().unwrap_or_default().to_string_lossy();
         let depth = options.max_depth.to_string();
         let cutoff = options.cutoff.map_or_else(|| "off".to_owned(), |cutoff| cutoff.to_string());
@@ -304,7 +304,7 @@ impl Options {
 }
 
 /// The image without the layer nobody asked for.
-fn without_beauty(image: &Image) -> Result<Image, Box<dyn Error>> {
+fn without_beauty(image: &Image) -> Result<Image, ImageError> {
     let mut rest = Image::new(image.width(), image.height())?;
     for channel in image.channels().iter().filter(|channel| channel.layer_name() != "beauty") {
         match channel.samples() {
