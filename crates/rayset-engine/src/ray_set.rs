@@ -92,6 +92,11 @@ impl RaySets {
         self.strategy_time
     }
 
+    /// The rays counted so far, and the time spent inside the strategy's calls; both begin anew.
+    pub(crate) fn take_totals(&mut self) -> (RayCounts, Duration) {
+        (std::mem::take(&mut self.counts), std::mem::take(&mut self.strategy_time))
+    }
+
     /// The trees of the bundle grown last.
     #[must_use]
     pub fn trees(&self) -> &IntersectionTrees {

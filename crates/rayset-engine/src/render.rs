@@ -115,11 +115,22 @@ impl RenderOptions {
     }
 }
 
-/// What one sweep gives.
+/// What a sweep works in; its memory is kept for the next.
+#[derive(Default)]
+struct Workspace {
+    ray_sets: RaySets,
+    /// The places of the grid, in order.
+    places: Vec<(u32, u32)>,
+    /// The colours of the sweep, in rows of the grid.
+    radiance: Vec<Color>,
+    /// Those of a bundle, and what shading needs.
+    colors: Vec<Color>,
+    scratch: Vec<Color>,
+}
+
+/// What one sweep gives, besides its colours.
 struct Sweep {
     rows: Range<u32>,
-    /// In rows of the grid.
-    radiance: Vec<Color>,
     counts: RayCounts,
     stats: Stats,
     strategy_time: Duration,
@@ -153,8 +164,9 @@ pub fn render_observed(
     let start = Instant::now();
     let canvas = Canvas::new(options);
     let run = |rows: Range<u32>| {
-        let sweep = sweep(strategy, options, &canvas, rows, observer)?;
-        canvas.absorb(sweep);
+        let mut workspace = canvas.workspace();
+        let sweep = sweep(strategy, options, &canvas, rows, observer, &mut workspace)?;
+        canvas.absorb(sweep, workspace);
         Ok(())
     };
     let order = options.order.unwrap_or_else(|| strategy.preferred_order());
@@ -221,6 +233,8 @@ struct Canvas {
     grid: Grid,
     film: Option<Mutex<Film>>,
     picture: Mutex<Picture>,
+    /// Of sweeps that are done: as many as there were threads, in the end.
+    idle: Mutex<Vec<Workspace>>,
 }
 
 struct Picture {
@@ -250,23 +264,30 @@ impl Canvas {
             stats: Stats::default(),
             strategy_time: Duration::ZERO,
         };
-        Self { grid, film, picture: Mutex::new(picture) }
+        Self { grid, film, picture: Mutex::new(picture), idle: Mutex::default() }
+    }
+
+    fn workspace(&self) -> Workspace {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
 
     /// Adds the colours and counts of a sweep; the sums are of integers, so the order does not matter.
-    fn absorb(&self, sweep: Sweep) {
+    fn absorb(&self, sweep: Sweep, workspace: Workspace) {
         let mut picture = self.picture.lock().unwrap_or_else(PoisonError::into_inner);
+        let radiance = &workspace.radiance;
         picture.counts += sweep.counts;
         picture.stats += &sweep.stats;
         picture.strategy_time += sweep.strategy_time;
         if self.grid.eye_rays == EyeRays::Corners {
             let start = sweep.rows.start as usize * width_of(&self.grid) as usize;
-            picture.shared[start..start + sweep.radiance.len()].copy_from_slice(&sweep.radiance);
+            picture.shared[start..start + radiance.len()].copy_from_slice(radiance);
         } else {
             let rows =
                 sweep.rows.start / self.grid.rows_of_a_pixel()..sweep.rows.end / self.grid.rows_of_a_pixel();
-            picture.resolve(&self.grid, &sweep.radiance, rows);
+            picture.resolve(&self.grid, radiance, rows);
         }
+        drop(picture);
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
     }
 
     fn finish(self) -> Frame {
@@ -319,18 +340,19 @@ fn sweep(
     canvas: &Canvas,
     rows: Range<u32>,
     observer: Observer<'_>,
+    workspace: &mut Workspace,
 ) -> Result<Sweep, RenderError> {
+    let Workspace { ray_sets, places, radiance, colors, scratch } = workspace;
     let scene = strategy.scene();
     let recording = if options.layers.need_recording() { Recording::PerQuery } else { Recording::Off };
     let mut tracer = strategy.begin_sweep(recording);
-    let mut ray_sets = RaySets::default();
     let width = width_of(&canvas.grid);
     let first = rows.start * width;
-    let mut places = Vec::new();
     let order = options.order.unwrap_or_else(|| strategy.preferred_order());
-    order.extend_with_pixels(&mut places, width, rows.clone());
-    let mut radiance = vec![Color::ZERO; places.len()];
-    let (mut scratch, mut colors) = (Vec::new(), Vec::new());
+    places.clear();
+    order.extend_with_pixels(places, width, rows.clone());
+    // Every place is written.
+    radiance.resize(places.len(), Color::ZERO);
     let mut eye_rays = EyeRayMaker::new(&canvas.grid, scene.camera(), rows.clone());
     let tree_options = TreeOptions { max_depth: options.max_depth, cutoff: options.cutoff };
     let bundle_len = options.bundle_len.unwrap_or_else(|| strategy.preferred_bundle_len());
@@ -342,8 +364,8 @@ fn sweep(
         let first = RaySetIndex(first + bundle_start);
         let trees = ray_sets.grow(scene, tracer.as_mut(), first, eye_rays.rays(bundle), &tree_options);
         colors.clear();
-        shade(trees, scene, &mut scratch, &mut colors);
-        for (&(x, y), color) in bundle.iter().zip(&colors) {
+        shade(trees, scene, scratch, colors);
+        for (&(x, y), color) in bundle.iter().zip(&*colors) {
             radiance[(y - rows.start) as usize * width as usize + x as usize] = *color;
         }
         if let Some(film) = &canvas.film {
@@ -358,6 +380,6 @@ fn sweep(
         }
     }
     let stats = tracer.stats().clone();
-    let (counts, strategy_time) = (*ray_sets.counts(), ray_sets.strategy_time());
-    Ok(Sweep { rows, radiance, counts, stats, strategy_time })
+    let (counts, strategy_time) = ray_sets.take_totals();
+    Ok(Sweep { rows, counts, stats, strategy_time })
 }
