@@ -267,7 +267,7 @@ impl Generation {
         &mut self,
         slot: Slot,
         leaving: &[Leaving],
-        sent: &[Sent],
+        sent: impl ExactSizeIterator<Item = Sent>,
         side: impl Fn(Side) -> Side,
     ) {
         let (first, n) = (self.len(), sent.len());
@@ -284,13 +284,13 @@ impl Generation {
         let [ox, oy, oz] = self.origins.each_mut().map(|column| &mut column[first..][..n]);
         let [dx, dy, dz] = self.directions.each_mut().map(|column| &mut column[first..][..n]);
         let (starts, ends) = (&mut self.starts[first..][..n], &mut self.ends[first..][..n]);
-        for (i, sent) in sent.iter().enumerate() {
+        for (i, sent) in sent.enumerate() {
             let Leaving { ray_set, start, from, surface, .. } = &leaving[sent.from as usize];
             ray_sets[i] = *ray_set;
             originating[i] = Some(Originating { side: side(from.side), ..*from });
             (ox[i], oy[i], oz[i]) = surface.point.into();
             (dx[i], dy[i], dz[i]) = sent.direction.into();
-            (starts[i], ends[i]) = (*start, sent.end);
+            (starts[i], ends[i]) = (*start, sent.distance - start);
         }
     }
 
@@ -414,9 +414,15 @@ impl ShadowGeneration {
     }
 
     /// Adds rays of a slot that ask for a light, from hits.
-    pub(crate) fn extend(&mut self, slot: Slot, light: LightId, leaving: &[Leaving], sent: &[Sent]) {
-        self.rays.extend(slot, leaving, sent, |side| side);
+    pub(crate) fn extend(
+        &mut self,
+        slot: Slot,
+        light: LightId,
+        leaving: &[Leaving],
+        sent: impl ExactSizeIterator<Item = Sent>,
+    ) {
         self.lights.extend(repeat_n(light, sent.len()));
+        self.rays.extend(slot, leaving, sent, |side| side);
     }
 
     /// Removes all rays and keeps the memory.

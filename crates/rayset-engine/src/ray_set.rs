@@ -44,9 +44,10 @@ pub struct RaySets {
     shadow: ShadowGeneration,
     /// The hits of the rays of one slot.
     leaving: Vec<Leaving>,
-    /// The rays that leave them: to a light, or reflected.
-    sent: Vec<Sent>,
-    /// Those that are refracted.
+    /// Those of them that face a light.
+    facing: Vec<u32>,
+    /// The rays that are reflected from them, and those that are refracted.
+    reflected: Vec<Sent>,
     refracted: Vec<Sent>,
     /// Where the hits of a slot send rays: to a light, or reflected.
     aimed: VectorColumns,
@@ -243,35 +244,34 @@ impl RaySets {
 
     /// The rays that ask for a light, from the hits of a slot.
     fn push_shadow_rays(&mut self, scene: &Scene, slot: Slot, light: LightId) {
-        let Self { leaving, sent, aimed, shadow, shadow_nodes, .. } = self;
+        let Self { leaving, aimed, facing, shadow, shadow_nodes, .. } = self;
         let source = &scene.lights()[light.index()];
-        sent.clear();
-        // Light reaches a surface from the side of both normals, or not at all.
-        let is_lit = |Surface { normal, shading_normal, .. }: &Surface, direction| {
-            (normal.dot(direction) > 0.0) & (shading_normal.dot(direction) > 0.0)
-        };
+        aimed.clear();
         // As `Light::seen_from`; zero at the light, from where no side of a surface is lit.
         if let Some(position) = source.position() {
-            aimed.clear();
-            leaving.iter().for_each(|leaving| aimed.push(position - leaving.surface.point));
+            aimed.extend(leaving.iter().map(|leaving| position - leaving.surface.point));
             aimed.normalize();
-            for (i, leaving) in leaving.iter().enumerate() {
-                let direction = aimed.get(i);
-                if is_lit(&leaving.surface, direction) {
-                    sent.push(Sent { from: index(i), direction, end: aimed.length(i) - leaving.start });
-                }
-            }
-        } else {
-            for (i, leaving) in leaving.iter().enumerate() {
-                let Some(seen) = source.seen_from(leaving.surface.point) else { continue };
-                if is_lit(&leaving.surface, seen.direction) {
-                    let end = seen.distance - leaving.start;
-                    sent.push(Sent { from: index(i), direction: seen.direction, end });
-                }
-            }
+        } else if let Some(seen) = source.seen_from(DVec3::ZERO) {
+            aimed.extend(leaving.iter().map(|_| seen.direction));
         }
+        facing.resize(leaving.len(), 0);
+        let mut n_facing = 0;
+        for (i, Leaving { surface, .. }) in leaving.iter().enumerate() {
+            let direction = aimed.get(i);
+            // Without a branch to guess: what does not face the light gives its place to the next.
+            facing[n_facing] = index(i);
+            // Light reaches a surface from the side of both normals, or not at all.
+            let (normal, shading_normal) = (surface.normal, surface.shading_normal);
+            n_facing += usize::from((normal.dot(direction) > 0.0) & (shading_normal.dot(direction) > 0.0));
+        }
+        let facing = &facing[..n_facing];
+        let lengths = aimed.lengths();
+        let sent = facing.iter().map(|&from| {
+            let distance = lengths.get(from as usize).copied().unwrap_or(f64::INFINITY);
+            Sent { from, direction: aimed.get(from as usize), distance }
+        });
         shadow.extend(slot, light, leaving, sent);
-        shadow_nodes.extend(sent.iter().map(|sent| leaving[sent.from as usize].node));
+        shadow_nodes.extend(facing.iter().map(|&i| leaving[i as usize].node));
     }
 
     /// Takes in which lights shine on the hits of a generation; returns how many do not.
@@ -318,9 +318,9 @@ impl RaySets {
     /// The rays that the hits of a slot reflect, then those that they refract.
     fn push_secondary_rays(&mut self, scene: &Scene, slot: Slot, options: &TreeOptions) {
         self.aim(scene);
-        let Self { leaving, sent, refracted, aimed, bent, next, trees, .. } = self;
+        let Self { leaving, reflected, refracted, aimed, bent, next, trees, .. } = self;
         let materials = scene.materials();
-        sent.clear();
+        reflected.clear();
         refracted.clear();
         let is_cut_off = |weight: f64| options.cutoff.is_some_and(|cutoff| weight < cutoff);
         let (mut n_aimed, mut n_bent) = (0, 0);
@@ -334,7 +334,7 @@ impl RaySets {
             let mut share = material.reflectance;
             if material.is_transmissive() {
                 if let Some(direction) = refract(parent.direction, surface, material, bent.get(n_bent)) {
-                    refracted.push(Sent { from: index(i), direction, end: f64::INFINITY });
+                    refracted.push(Sent { from: index(i), direction, distance: f64::INFINITY });
                 } else {
                     parent.refracted = Branch::TotalReflection;
                     share += material.transmittance;
@@ -350,9 +350,9 @@ impl RaySets {
             parent.reflected = Branch::Node(child);
             let ray_set = parent.ray_set;
             trees.nodes.push(self::node(ray_set, slot.reflected(), direction, weight));
-            sent.push(Sent { from: index(i), direction, end: f64::INFINITY });
+            reflected.push(Sent { from: index(i), direction, distance: f64::INFINITY });
         }
-        next.extend(slot.reflected(), leaving, sent, |side| side);
+        next.extend(slot.reflected(), leaving, reflected.iter().copied(), |side| side);
         refracted.retain(|Sent { from, direction, .. }| {
             let Leaving { node, surface, .. } = &leaving[*from as usize];
             let child = index(trees.nodes.len());
@@ -366,7 +366,7 @@ impl RaySets {
             trees.nodes.push(self::node(ray_set, slot.refracted(), *direction, weight));
             true
         });
-        next.extend(slot.refracted(), leaving, refracted, Side::opposite);
+        next.extend(slot.refracted(), leaving, refracted.iter().copied(), Side::opposite);
     }
 }
 
@@ -388,8 +388,8 @@ pub(crate) struct Sent {
     /// The place of the hit among those of the slot.
     pub(crate) from: u32,
     pub(crate) direction: DVec3,
-    /// Where its span ends.
-    pub(crate) end: f64,
+    /// How far away is what it is sent to; its span ends there.
+    pub(crate) distance: f64,
 }
 
 #[inline]

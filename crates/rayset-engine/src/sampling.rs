@@ -68,9 +68,8 @@ impl<'c> EyeRayMaker<'c> {
     pub(crate) fn rays(&mut self, places: &[(u32, u32)]) -> impl Iterator<Item = Ray> {
         let Self { camera, right, up, first_row, directions } = self;
         directions.clear();
-        for &(x, y) in places {
-            directions.push(camera.towards((right[x as usize], up[(y - *first_row) as usize])));
-        }
+        let place = |&(x, y): &(u32, u32)| (right[x as usize], up[(y - *first_row) as usize]);
+        directions.extend(places.iter().map(|at| camera.towards(place(at))));
         directions.normalize();
         (0..places.len()).map(|i| Ray::new(camera.viewpoint(), directions.get(i)))
     }

@@ -52,6 +52,19 @@ impl VectorColumns {
         }
     }
 
+    /// Adds vectors, without asking for each whether there is room.
+    #[inline]
+    pub fn extend(&mut self, vectors: impl ExactSizeIterator<Item = DVec3>) {
+        let (first, len) = (self.len(), self.len() + vectors.len());
+        let [xs, ys, zs] = self.columns.each_mut().map(|column| {
+            column.resize(len, 0.0);
+            &mut column[first..]
+        });
+        for (((x, y), z), vector) in xs.iter_mut().zip(ys).zip(zs).zip(vectors) {
+            (*x, *y, *z) = vector.into();
+        }
+    }
+
     /// A vector.
     ///
     /// # Panics
@@ -62,6 +75,13 @@ impl VectorColumns {
     pub fn get(&self, i: usize) -> DVec3 {
         let [x, y, z] = &self.columns;
         DVec3::new(x[i], y[i], z[i])
+    }
+
+    /// How long the vectors were before [`VectorColumns::normalize`]; none if it was not called.
+    #[must_use]
+    #[inline]
+    pub fn lengths(&self) -> &[f64] {
+        &self.lengths
     }
 
     /// How long a vector was before [`VectorColumns::normalize`].
@@ -147,7 +167,10 @@ mod tests {
         for &backend in Backend::available() {
             for n in 0..all.len() {
                 let mut columns = VectorColumns::default();
-                all[n..].iter().for_each(|&vector| columns.push(vector));
+                // One, and all others at once.
+                all[n..].iter().take(1).for_each(|&vector| columns.push(vector));
+                columns.extend(all[n..].iter().skip(1).copied());
+                assert!(columns.lengths().is_empty());
                 columns.normalize_on(backend);
                 assert_eq!(columns.len(), all.len() - n);
                 for (i, vector) in all[n..].iter().enumerate() {
