@@ -22,7 +22,7 @@ pub enum PixelOrder {
 /// How much of an image a sweep covers: what a strategy retains never crosses from one sweep to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SweepLength {
-    /// A band of rows, rounded up to whole tiles, and pixels; shorter at the end of an image whose tiles follow a curve.
+    /// A band of rows, rounded up to whole tiles, and pixels; shorter at the end of a large image whose tiles follow a curve.
     Rows(u32),
     /// All of the image, as in the paper; on one thread, therefore.
     WholeImage,
@@ -37,8 +37,8 @@ impl Default for SweepLength {
 impl PixelOrder {
     /// The bands of rows that an image is cut into, from the top; so many rows, those of a pixel, stay together.
     ///
-    /// Where tiles follow a curve the last bands are shorter: threads take one after the other, and none should be left
-    /// with a long one while the others have none.
+    /// Where tiles follow a curve the last of many bands are shorter: threads take one after the other, and none should be
+    /// left with a long one while the others have none.
     pub(crate) fn sweeps(self, height: u32, length: SweepLength, rows_of_a_pixel: u32) -> Vec<Range<u32>> {
         let unit = match self {
             Self::Scanline | Self::Serpentine => 1,
@@ -47,12 +47,15 @@ impl PixelOrder {
         let SweepLength::Rows(rows) = length else { return std::iter::once(0..height).collect() };
         let to_multiple = |rows: u32, unit: u32| rows.max(1).div_ceil(unit).saturating_mul(unit);
         let full = to_multiple(rows, unit);
+        let last_bands = full.saturating_mul(4);
+        let has_many = matches!(self, Self::Morton(_)) && height > last_bands;
         let (mut bands, mut start) = (Vec::new(), 0);
         while start < height {
             let left = height - start;
-            let rows = match self {
-                Self::Morton(_) if left <= full => full / 4,
-                Self::Morton(_) if left <= full.saturating_mul(4) => full / 2,
+            let rows = match left {
+                _ if !has_many => full,
+                left if left <= full => full / 4,
+                left if left <= last_bands => full / 2,
                 _ => full,
             };
             let end = start.saturating_add(to_multiple(rows, rows_of_a_pixel.max(1))).min(height);
@@ -179,7 +182,7 @@ mod tests {
             bands.iter().map(|band| band.end - band.start).collect::<Vec<_>>()
         };
         assert_eq!(rows(200), [32, 32, 32, 16, 16, 16, 16, 16, 8, 8, 8]);
-        assert_eq!(rows(20), [8, 8, 4]);
+        assert_eq!(rows(100), [32, 32, 32, 4]);
     }
 
     #[test]
