@@ -47,7 +47,7 @@ impl<const W: usize> Exact<'_, W> {
     }
 }
 
-/// So many rays at least are tested together against a triangle.
+/// So many rays at least are tested together against a sphere or a triangle.
 pub(crate) const LEAST_TOGETHER: u32 = 3;
 
 /// The exact hits of rays of a packet, of one primitive.
@@ -95,24 +95,31 @@ impl<S: Simd, const W: usize> Part<S> for ExactTogether<'_, W> {
         let mut hits = ExactHits { lanes: 0, t: [0.0; W], primitive: shapes.number(kind, index) };
         let pairs = S::F64::LANES;
         let mut lane = 0;
-        let is_triangle = kind == PrimitiveKind::Triangle;
-        let least = if is_triangle { LEAST_TOGETHER } else { 1 };
-        let can_go_together = is_triangle || kind == PrimitiveKind::Cone;
+        let least = if kind == PrimitiveKind::Cone { 1 } else { LEAST_TOGETHER };
+        let can_go_together = kind != PrimitiveKind::Polygon;
         while can_go_together && lanes >> lane != 0 && first + lane + pairs <= rays.len() {
             let wanted = lanes & (u32::MAX >> (32 - pairs)) << lane;
             if wanted.count_ones() >= least {
                 let pair = rays.lanes(simd, first + lane);
                 // A plane is never met again by a ray that leaves it.
-                let not_back = if is_triangle { leaving } else { outwards };
+                let not_back = if kind == PrimitiveKind::Triangle { leaving } else { outwards };
                 let front = if sides == Sides::Back { 0 } else { wanted & !leaving };
                 let back = if sides == Sides::Front { 0 } else { wanted & !not_back };
                 let sides = (simd.mask_f64(front >> lane), simd.mask_f64(back >> lane));
-                let (is_hit, t) = if is_triangle {
-                    let (rays, axes) = ShearedLanes::of(simd, &pair.rays, pair.span);
-                    let vertices = axes.order_all(shapes.triangle(index).splat(simd));
-                    Triangle::intersect_pairs(simd, &rays, vertices, sides)
-                } else {
-                    shapes.columns.cone_by_rays(simd, index, &pair.rays, pair.span, sides)
+                let (is_hit, t) = match kind {
+                    PrimitiveKind::Triangle => {
+                        let (rays, axes) = ShearedLanes::of(simd, &pair.rays, pair.span);
+                        let vertices = axes.order_all(shapes.triangle(index).splat(simd));
+                        Triangle::intersect_pairs(simd, &rays, vertices, sides)
+                    }
+                    PrimitiveKind::Sphere => {
+                        let sphere = shapes.sphere(index);
+                        let [x, y, z] = sphere.center().to_array();
+                        let center = [simd.splat_f64(x), simd.splat_f64(y), simd.splat_f64(z)];
+                        let sphere = (center, simd.splat_f64(sphere.radius()));
+                        Sphere::intersect_pairs(simd, &pair.rays, pair.span, sphere, sides)
+                    }
+                    _ => shapes.columns.cone_by_rays(simd, index, &pair.rays, pair.span, sides),
                 };
                 t.store(&mut hits.t[lane..]);
                 hits.lanes |= is_hit.bits() << lane;

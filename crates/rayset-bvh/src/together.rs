@@ -130,7 +130,8 @@ impl<S: Simd> Nearest<S> {
             open &= !alike;
             let one = exact.sure(record);
             // Rays that hit the same need not each fetch it.
-            if one.kind == PrimitiveKind::Triangle && alike.count_ones() >= LEAST_TOGETHER {
+            let is_simple = matches!(one.kind, PrimitiveKind::Sphere | PrimitiveKind::Triangle);
+            if is_simple && alike.count_ones() >= LEAST_TOGETHER {
                 let hits = exact.hits(simd, packet, alike, record);
                 debug_assert_eq!(hits.lanes, alike, "a sure hit is one");
                 hits.write(found);
