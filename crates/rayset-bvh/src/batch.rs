@@ -3,7 +3,7 @@
 use rayset_geometry::{Primitive, PrimitiveColumns, Ray, Side, Sides, Span, Sphere, Triangle};
 use rayset_simd::Backend;
 
-use crate::{Hierarchy, Hit, RayColumns};
+use crate::{Hierarchy, Hit, HitOrNone, Left, RayColumns};
 
 /// What is asked about a ray of a list.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,11 +67,11 @@ impl Hierarchy {
     ///
     /// If a ray leaves a primitive that does not exist.
     pub fn nearest_batch(&self, queries: &[Query], answers: &mut Vec<Option<Hit>>) {
-        let first = answers.len();
-        answers.resize(first + queries.len(), None);
         let (mut columns, mut scratch) = (Box::new(Columns::NONE), self.scratch());
-        for (queries, hits) in queries.chunks(CHUNK).zip(answers[first..].chunks_mut(CHUNK)) {
-            self.nearest_each(&columns.fill(queries), hits, &mut scratch);
+        let mut hits = [HitOrNone::NONE; CHUNK];
+        for queries in queries.chunks(CHUNK) {
+            self.nearest_each(&columns.fill(queries), &mut hits, &mut scratch);
+            answers.extend(hits[..queries.len()].iter().map(|hit| hit.get()));
         }
     }
 
@@ -106,10 +106,10 @@ fn of(primitives: impl Iterator<Item = Primitive>) -> Hierarchy {
 const CHUNK: usize = 64;
 
 /// Queries as columns: origins, directions, starts and ends of spans, and what each ray leaves.
-pub(crate) struct Columns([[f64; CHUNK]; 8], [Option<(u32, Side)>; CHUNK]);
+pub(crate) struct Columns([[f64; CHUNK]; 8], [Left; CHUNK]);
 
 impl Columns {
-    pub(crate) const NONE: Self = Self([[0.0; CHUNK]; 8], [None; CHUNK]);
+    pub(crate) const NONE: Self = Self([[0.0; CHUNK]; 8], [Left::NOTHING; CHUNK]);
 
     /// Takes queries in, as many as there is room for.
     #[inline(always)]
@@ -123,7 +123,7 @@ impl Columns {
             }
             columns[6][i] = query.span.start;
             columns[7][i] = query.span.end;
-            left[i] = query.from;
+            left[i] = query.from.into();
         }
         let [ox, oy, oz, dx, dy, dz, starts, ends] =
             columns.each_ref().map(|column| &column[..queries.len()]);

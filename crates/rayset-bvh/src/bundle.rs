@@ -8,15 +8,15 @@ use std::ops::Range;
 
 use rayset_simd::Simd;
 
+use crate::columns::{HitOrNone, RayColumns};
 use crate::descent::{Descent, OfPacket, OfTile};
 use crate::each::{AnyHit, NearestHit, OfRay, Rays};
 use crate::exact::Exact;
 use crate::few::OfFew;
 use crate::frame::Frame;
 use crate::hierarchy::{Hierarchy, Scratch, Task, Wide};
-use crate::packet::{Approach, Packet, RayColumns, level};
+use crate::packet::{Approach, Packet, level};
 use crate::shaft::Shaft;
-use crate::shapes::Hit;
 use crate::together::{Hidden, Nearest, Question};
 
 /// What it costs to make a packet, in steps.
@@ -145,10 +145,10 @@ impl Hierarchy {
         rays: &RayColumns<'_>,
         range: Range<usize>,
         class: usize,
-        hits: &mut [Option<Hit>],
+        hits: &mut [HitOrNone],
         scratch: &mut BundleScratch,
     ) {
-        hits[range.clone()].fill(None);
+        hits[range.clone()].fill(HitOrNone::NONE);
         self.run(OfBundle { rays, range, class, list: NearestHits(hits), scratch });
     }
 
@@ -209,13 +209,13 @@ trait List {
 }
 
 /// Places of nearest hits, all without one at first.
-struct NearestHits<'a>(&'a mut [Option<Hit>]);
+struct NearestHits<'a>(&'a mut [HitOrNone]);
 
 impl List for NearestHits<'_> {
     type Asked<S: Simd, const W: usize> = Nearest<S>;
     type OfRay = NearestHit;
 
-    fn places(&mut self) -> &mut [Option<Hit>] {
+    fn places(&mut self) -> &mut [HitOrNone] {
         self.0
     }
 

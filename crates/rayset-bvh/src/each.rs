@@ -6,14 +6,15 @@ use std::ops::Range;
 use rayset_geometry::PrimitiveKind;
 use rayset_simd::{Part, Simd};
 
+use crate::columns::{HitOrNone, RayColumns, RayOf};
 use crate::entrance::{Entered, Entrance};
 use crate::exact::{Departing, Sure};
 use crate::few::{EachOfFew, OfFew};
 use crate::frame::Frame;
 use crate::hierarchy::{Scratch, Wide};
-use crate::packet::{RayColumns, RayOf};
+
 use crate::ray::CullRays;
-use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Traced};
+use crate::shapes::{Anything, Content, Found, Nearest, OnlySpheres, OnlyTriangles, Traced};
 use crate::traverse::Begin;
 
 /// What is asked about rays.
@@ -59,24 +60,24 @@ pub(crate) struct NearestHit;
 pub(crate) struct AnyHit;
 
 impl OfRay for NearestHit {
-    type Answer = Option<Hit>;
+    type Answer = HitOrNone;
     type Found = Nearest;
     const NOTHING: Nearest = Nearest::NONE;
-    const UNKNOWN: Option<Hit> = None;
+    const UNKNOWN: HitOrNone = HitOrNone::NONE;
 
     #[inline(always)]
-    fn is_open(_: Option<Hit>) -> bool {
+    fn is_open(_: HitOrNone) -> bool {
         true
     }
 
     #[inline(always)]
-    fn keep(known: Option<Hit>) -> Nearest {
-        Nearest::known(known)
+    fn keep(known: HitOrNone) -> Nearest {
+        Nearest::known(known.get())
     }
 
     #[inline(always)]
-    fn end<const W: usize>(rays: &CullRays<W>, lane: usize, known: Option<Hit>) -> f32 {
-        known.map_or(rays.ends()[lane], |hit| rays.end(lane, hit.t))
+    fn end<const W: usize>(rays: &CullRays<W>, lane: usize, known: HitOrNone) -> f32 {
+        known.get().map_or(rays.ends()[lane], |hit| rays.end(lane, hit.t))
     }
 
     #[inline(always)]
@@ -86,10 +87,10 @@ impl OfRay for NearestHit {
         wide: &Wide<W>,
         begin: &impl Begin<W>,
         traced: &Traced<'_, W>,
-        known: Option<Hit>,
+        known: HitOrNone,
         scratch: &mut Scratch,
     ) -> Nearest {
-        wide.nearest_of::<S, C>(simd, begin, traced, known, scratch)
+        wide.nearest_of::<S, C>(simd, begin, traced, known.get(), scratch)
     }
 
     #[inline(always)]
@@ -99,10 +100,10 @@ impl OfRay for NearestHit {
         wide: &Wide<W>,
         departing: &Departing<'_>,
         found: &[Nearest; W],
-        answers: &mut [Option<Hit>],
+        answers: &mut [HitOrNone],
     ) {
-        let (mut sure, mut lanes, mut hits) = ([Sure::NONE; W], 0, [None; W]);
-        let n = departing.left.len();
+        let (mut sure, mut lanes, mut hits) = ([Sure::NONE; W], 0, [HitOrNone::NONE; W]);
+        let n = answers.len();
         for lane in 0..n {
             match found[lane].found {
                 Found::Nothing => {}
@@ -110,7 +111,7 @@ impl OfRay for NearestHit {
                     sure[lane] = found;
                     lanes |= 1 << lane;
                 }
-                Found::At(known) => hits[lane] = Some(known),
+                Found::At(known) => hits[lane] = known.into(),
             }
         }
         wide.shapes.resolve_all(simd, departing, &sure, lanes, &mut hits);
@@ -157,11 +158,11 @@ impl OfRay for AnyHit {
         self,
         _: S,
         _: &Wide<W>,
-        departing: &Departing<'_>,
+        _: &Departing<'_>,
         found: &[bool; W],
         answers: &mut [bool],
     ) {
-        answers.copy_from_slice(&found[..departing.left.len()]);
+        answers.copy_from_slice(&found[..answers.len()]);
     }
 }
 
@@ -194,7 +195,6 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
         let Range { start: mut first, end } = range;
         assert!(end <= columns.len() && end <= places.len(), "there are these rays");
         let (mut prepared, mut entrance) = (CullRays::<W>::NONE, Entrance::<W>::NONE);
-        let mut left = [None; W];
         let mut found = [Q::NOTHING; W];
         while first < end {
             let len = (end - first).min(W);
@@ -213,18 +213,17 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
             for lane in 0..len {
                 let i = first + lane;
                 let known = if KNOWN { places[i] } else { Q::UNKNOWN };
-                left[lane] = columns.left(i);
                 let begin = Entered { entrance: &entrance, ray: lane };
                 found[lane] = match prepared.ray(lane) {
                     Some(cull) if open >> lane & 1 == 1 && entrance.of(lane) != 0 => {
-                        let departure = wide.shapes.departure(left[lane]);
+                        let departure = wide.shapes.departure(columns.left(i));
                         let traced = Traced { cull, ray: RayOf { columns: &columns, i }, departure };
                         question.ask::<S, C, W>(simd, wide, &begin, &traced, known, scratch)
                     }
                     _ => Q::keep(known),
                 };
             }
-            let departing = Departing { rays: columns, first, left: &left[..len] };
+            let departing = Departing { rays: columns, first, left: columns.left_by(first..first + len) };
             question.answer(simd, wide, &departing, &found, &mut places[first..first + len]);
             first += len;
         }

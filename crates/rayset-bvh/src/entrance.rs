@@ -112,8 +112,8 @@ mod tests {
     use rayset_simd::{Backend, Kernel};
 
     use super::*;
+    use crate::columns::RayColumns;
     use crate::frame::Frame;
-    use crate::packet::RayColumns;
     use crate::traverse::children_of;
 
     /// Whether each of many rays enters the same children together as by itself, and as far away.

@@ -6,8 +6,8 @@ use rayset_geometry::{
 };
 use rayset_simd::{LaneMask, Lanes, Part, Scalar, Simd};
 
+use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::frame::Frame;
-use crate::packet::RayColumns;
 use crate::shapes::{Hit, Shapes};
 
 /// How many bits of a record's number say where in its run it stands.
@@ -63,12 +63,12 @@ pub(crate) struct ExactHits<const W: usize> {
 impl<const W: usize> ExactHits<W> {
     /// Writes the hits to the places of the packet's rays.
     #[inline(always)]
-    pub(crate) fn write(&self, found: &mut [Option<Hit>]) {
+    pub(crate) fn write(&self, found: &mut [HitOrNone]) {
         let mut lanes = self.lanes;
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize % W;
             lanes &= lanes - 1;
-            found[lane] = Some(Hit { t: self.t[lane], primitive: self.primitive });
+            found[lane] = HitOrNone { t: self.t[lane], primitive: self.primitive };
         }
     }
 }
@@ -179,7 +179,7 @@ impl Sure {
 struct Pairs<'a, S: Simd> {
     rays: RayLanes<S>,
     span: [S::F64; 2],
-    left: &'a [Option<(u32, Side)>],
+    left: &'a [Left],
 }
 
 /// Rays of columns, and what each leaves.
@@ -188,7 +188,7 @@ pub(crate) struct Departing<'a> {
     pub(crate) rays: RayColumns<'a>,
     /// The number of the first of them.
     pub(crate) first: usize,
-    pub(crate) left: &'a [Option<(u32, Side)>],
+    pub(crate) left: &'a [Left],
 }
 
 /// The lanes of pairs that are tested, and those whose front and back may be hit.
@@ -206,11 +206,10 @@ impl<const W: usize> Wanted<W> {
 
     /// Adds a lane.
     #[inline(always)]
-    fn add(&mut self, lane: usize, sure: &Sure, primitive: u32, left: &[Option<(u32, Side)>]) {
-        let (leaves, outwards) = match left.get(lane) {
-            Some(&Some((left, side))) => (left == primitive, left == primitive && side == Side::Front),
-            _ => (false, false),
-        };
+    fn add(&mut self, lane: usize, sure: &Sure, primitive: u32, left: &[Left]) {
+        let left = left.get(lane).copied().unwrap_or(Left::NOTHING);
+        let outwards = left == Left::of(primitive, Side::Front);
+        let leaves = outwards || left == Left::of(primitive, Side::Back);
         let never_again = if sure.kind == PrimitiveKind::Triangle { leaves } else { outwards };
         self.lanes |= 1 << lane;
         self.primitives[lane] = primitive;
@@ -225,7 +224,7 @@ impl<const W: usize> Wanted<W> {
 
     /// Writes the hits of the lanes that were wanted.
     #[inline(always)]
-    fn write<L: Lanes<Scalar = f64>>(&self, (is_hit, t): (L::Mask, L), found: &mut [Option<Hit>]) {
+    fn write<L: Lanes<Scalar = f64>>(&self, (is_hit, t): (L::Mask, L), found: &mut [HitOrNone]) {
         let mut hits = is_hit.bits() & self.lanes;
         debug_assert_eq!(hits, self.lanes, "a sure hit is one");
         let mut distances = [0.0; W];
@@ -233,7 +232,7 @@ impl<const W: usize> Wanted<W> {
         while hits != 0 {
             let lane = hits.trailing_zeros() as usize;
             hits &= hits - 1;
-            found[lane] = Some(Hit { t: distances[lane], primitive: self.primitives[lane] });
+            found[lane] = HitOrNone { t: distances[lane], primitive: self.primitives[lane] };
         }
     }
 }
@@ -293,7 +292,7 @@ impl<const W: usize> Shapes<W> {
         departing: &Departing<'_>,
         sure: &[Sure; W],
         mut lanes: u32,
-        found: &mut [Option<Hit>],
+        found: &mut [HitOrNone],
     ) {
         let Departing { rays, first, left } = *departing;
         let pairs = S::F64::LANES;
@@ -320,9 +319,9 @@ impl<const W: usize> Shapes<W> {
             let lane = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
             let (ray, span) = rays.ray(first + lane);
-            let departure = self.departure(left.get(lane).copied().flatten());
-            found[lane] = self.exact_alone(simd, (&ray, span), departure, &sure[lane]);
-            debug_assert!(found[lane].is_some(), "a sure hit is one");
+            let departure = self.departure(left.get(lane).copied().and_then(Left::get));
+            found[lane] = self.exact_alone(simd, (&ray, span), departure, &sure[lane]).into();
+            debug_assert!(found[lane].get().is_some(), "a sure hit is one");
         }
     }
 
@@ -334,7 +333,7 @@ impl<const W: usize> Shapes<W> {
         pairs: &Pairs<'_, S>,
         sure: &[Sure],
         lanes: u32,
-        found: &mut [Option<Hit>],
+        found: &mut [HitOrNone],
     ) -> u32 {
         let Some((wanted, indices)) = self.wanted(PrimitiveKind::Sphere, pairs.left, sure, lanes) else {
             return 0;
@@ -359,7 +358,7 @@ impl<const W: usize> Shapes<W> {
         pairs: &Pairs<'_, S>,
         sure: &[Sure],
         lanes: u32,
-        found: &mut [Option<Hit>],
+        found: &mut [HitOrNone],
     ) -> u32 {
         let Some((wanted, indices)) = self.wanted(PrimitiveKind::Triangle, pairs.left, sure, lanes) else {
             return 0;
@@ -376,7 +375,7 @@ impl<const W: usize> Shapes<W> {
     fn wanted(
         &self,
         kind: PrimitiveKind,
-        left: &[Option<(u32, Side)>],
+        left: &[Left],
         sure: &[Sure],
         mut lanes: u32,
     ) -> Option<(Wanted<W>, [u32; W])> {

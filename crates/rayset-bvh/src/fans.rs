@@ -174,7 +174,8 @@ mod tests {
     use rayset_simd::{Backend, Kernel, Scalar};
 
     use super::*;
-    use crate::packet::{Approach, RayColumns, level};
+    use crate::columns::RayColumns;
+    use crate::packet::{Approach, level};
     use crate::ray::{Copies, CullRays};
 
     /// How often the single-precision answer contradicts the exact one, and how often it is sure.

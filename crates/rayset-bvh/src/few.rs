@@ -5,12 +5,13 @@
 
 use std::ops::Range;
 
-use rayset_geometry::{PrimitiveKind, RayLanes, Side, Sides, Sphere};
+use rayset_geometry::{PrimitiveKind, RayLanes, Sides, Sphere};
 use rayset_simd::{LaneMask, Lanes, MAX_LANES, Part, Simd};
 
 use crate::Hit;
+use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::each::{AnyHit, NearestHit, OfRay};
-use crate::packet::RayColumns;
+
 use crate::shapes::Shapes;
 
 /// How many spheres are few.
@@ -91,7 +92,7 @@ impl<S: Simd, Q: OfFew> Part<S> for EachOfFew<'_, Q> {
             // A ray is a half-line.
             let start = simd.load_f64(&columns.spans.0[first..]);
             let span = [zero.select(start.lt(zero), start), simd.load_f64(&columns.spans.1[first..])];
-            let left = Left::of(&columns, first, lanes);
+            let left = LeftBy::of(&columns, first, lanes);
             let mut known = question.nothing(simd);
             for FewSphere { sphere, sides, number } in spheres {
                 let (leaving, outwards) = left.by(simd, *number);
@@ -124,26 +125,23 @@ impl<S: Simd, Q: OfFew> Part<S> for EachOfFew<'_, Q> {
 }
 
 /// What rays in lanes leave.
-struct Left {
-    numbers: [u32; MAX_LANES],
+struct LeftBy {
+    primitives: [u32; MAX_LANES],
     /// The lanes that leave something into its front.
     front: u32,
     leaves: bool,
 }
 
-impl Left {
+impl LeftBy {
     #[inline(always)]
     fn of(columns: &RayColumns<'_>, first: usize, lanes: usize) -> Self {
-        let mut left = Self { numbers: [u32::MAX; MAX_LANES], front: 0, leaves: !columns.left.is_empty() };
-        if left.leaves {
-            for (lane, from) in columns.left[first..first + lanes].iter().enumerate() {
-                if let Some((number, side)) = *from {
-                    left.numbers[lane] = number;
-                    left.front |= u32::from(side == Side::Front) << lane;
-                }
-            }
+        let mut left = [Left::NOTHING; MAX_LANES];
+        let leaves = !columns.left.is_empty();
+        if leaves {
+            left[..lanes].copy_from_slice(&columns.left[first..first + lanes]);
         }
-        left
+        let (primitives, front) = Left::split(&left);
+        Self { primitives, front, leaves }
     }
 
     /// The lanes that leave a primitive, and those that do so into its front.
@@ -152,17 +150,16 @@ impl Left {
         if !self.leaves {
             return (0, 0);
         }
-        let leaving = simd.equal_u32(&self.numbers, number).bits();
+        let leaving = simd.equal_u32(&self.primitives, number).bits();
         (leaving, leaving & self.front)
     }
 }
 
-/// The nearest hits so far: where, of what, and which lanes have one.
+/// The nearest hits so far: where, and of what.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NearestOfFew<S: Simd> {
     t: S::F64,
     number: S::F64,
-    found: u32,
 }
 
 impl OfFew for NearestHit {
@@ -170,7 +167,8 @@ impl OfFew for NearestHit {
 
     #[inline(always)]
     fn nothing<S: Simd>(self, simd: S) -> NearestOfFew<S> {
-        NearestOfFew { t: simd.splat_f64(f64::INFINITY), number: simd.splat_f64(0.0), found: 0 }
+        let HitOrNone { t, primitive } = HitOrNone::NONE;
+        NearestOfFew { t: simd.splat_f64(t), number: simd.splat_f64(f64::from(primitive)) }
     }
 
     #[inline(always)]
@@ -185,24 +183,22 @@ impl OfFew for NearestHit {
         let is_nearer = is_hit & t.lt(known.t);
         known.t = t.select(is_nearer, known.t);
         known.number = simd.splat_f64(f64::from(number)).select(is_nearer, known.number);
-        known.found |= is_nearer.bits();
         false
     }
 
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it was a number of 32 bits")]
-    fn write<S: Simd>(self, known: &NearestOfFew<S>, places: &mut [Option<Hit>]) {
+    fn write<S: Simd>(self, known: &NearestOfFew<S>, places: &mut [HitOrNone]) {
         let (mut distances, mut numbers) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
         known.t.store(&mut distances);
         known.number.store(&mut numbers);
         for (lane, place) in places.iter_mut().enumerate() {
-            let hit = Hit { t: distances[lane], primitive: numbers[lane] as u32 };
-            *place = (known.found >> lane & 1 == 1).then_some(hit);
+            *place = HitOrNone { t: distances[lane], primitive: numbers[lane] as u32 };
         }
     }
 
-    fn one(self, hits: impl Iterator<Item = Hit>) -> Option<Hit> {
-        hits.reduce(|nearest, hit| if hit.t < nearest.t { hit } else { nearest })
+    fn one(self, hits: impl Iterator<Item = Hit>) -> HitOrNone {
+        hits.reduce(|nearest, hit| if hit.t < nearest.t { hit } else { nearest }).into()
     }
 }
 

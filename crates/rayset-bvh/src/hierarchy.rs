@@ -8,17 +8,17 @@ use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, R
 use rayset_simd::{Backend, ByLanes, Kernel, Simd, large_page_vec};
 
 use crate::build::{Reference, build};
+use crate::columns::RayOf;
 use crate::duplicates::superfluous;
 use crate::each::{AnyHit, NearestHit, Rays};
 use crate::fans::fan_len;
 use crate::few::{FewSphere, OfFew};
 use crate::frame::Frame;
 use crate::node::Tree;
-use crate::packet::RayOf;
 use crate::ray::{Copies, CullRays};
 use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Shapes, Traced};
 use crate::traverse::{AtRoot, Begin, Stack, Steps, Visitor, is_stopped, traverse};
-use crate::{Query, RayColumns};
+use crate::{HitOrNone, Query, RayColumns};
 
 /// A bounding volume hierarchy over primitives of any shape.
 #[derive(Clone, Debug)]
@@ -157,7 +157,7 @@ impl Hierarchy {
     /// # Panics
     ///
     /// If a column or `hits` is too short, or as [`Hierarchy::nearest_with`] does.
-    pub fn nearest_each(&self, rays: &RayColumns<'_>, hits: &mut [Option<Hit>], scratch: &mut Scratch) {
+    pub fn nearest_each(&self, rays: &RayColumns<'_>, hits: &mut [HitOrNone], scratch: &mut Scratch) {
         self.run(OfEach { question: NearestHit, rays, places: hits, scratch });
     }
 

@@ -2,12 +2,10 @@
 
 use std::ops::Range;
 
-use rayset_geometry::glam::DVec3;
-use rayset_geometry::{Ray, Side, Span};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
+use crate::columns::{Left, RayColumns};
 use crate::frame::{Frame, round_down, round_up};
-use crate::hierarchy::ahead;
 use crate::ray::{FAR, HIT_MARGIN, LEAST_COMPONENT, SINGLE, SLAB_MARGIN};
 
 /// Where a lane without a ray ends, and one that asks for nothing more.
@@ -15,74 +13,6 @@ const NOWHERE: f32 = -1e30;
 /// How far from the middle of culling space the nearest ray of a packet is brought, if it starts far off: before the
 /// sphere round all there is, and so that others do not end up beyond [`FAR`].
 const BEFORE: f64 = 2.0;
-/// Leaves no primitive.
-const NOBODY: u32 = u32::MAX;
-
-/// Rays as columns, of which packets take some.
-#[derive(Clone, Copy, Debug)]
-pub struct RayColumns<'a> {
-    /// The x, y and z of the origins, in world space.
-    pub origins: [&'a [f64]; 3],
-    /// The x, y and z of the unit directions.
-    pub directions: [&'a [f64]; 3],
-    /// Where each span starts and ends, in world units.
-    pub spans: (&'a [f64], &'a [f64]),
-    /// The primitive that each ray leaves, and into which of its sides; empty if none leaves any.
-    pub left: &'a [Option<(u32, Side)>],
-}
-
-impl RayColumns<'_> {
-    /// How many rays there are.
-    #[inline(always)]
-    pub(crate) fn len(&self) -> usize {
-        self.spans.0.len()
-    }
-
-    /// Some of the rays.
-    #[inline(always)]
-    pub(crate) fn cut(&self, range: Range<usize>) -> Self {
-        let n = range.len();
-        let ([ox, oy, oz], [dx, dy, dz]) = (self.origins, self.directions);
-        Self {
-            origins: [&ox[range.clone()][..n], &oy[range.clone()][..n], &oz[range.clone()][..n]],
-            directions: [&dx[range.clone()][..n], &dy[range.clone()][..n], &dz[range.clone()][..n]],
-            spans: (&self.spans.0[range.clone()][..n], &self.spans.1[range.clone()][..n]),
-            left: if self.left.is_empty() { self.left } else { &self.left[range] },
-        }
-    }
-
-    #[inline(always)]
-    fn origin(&self, i: usize) -> DVec3 {
-        let [x, y, z] = self.origins;
-        DVec3::new(x[i], y[i], z[i])
-    }
-
-    #[inline(always)]
-    pub(crate) fn ray(&self, i: usize) -> (Ray, Span) {
-        let at = |columns: &[&[f64]; 3]| DVec3::new(columns[0][i], columns[1][i], columns[2][i]);
-        let span = Span { start: self.spans.0[i], end: self.spans.1[i] };
-        (Ray::new(at(&self.origins), at(&self.directions)), ahead(span))
-    }
-
-    #[inline(always)]
-    pub(crate) fn left(&self, i: usize) -> Option<(u32, Side)> {
-        self.left.get(i).copied().flatten()
-    }
-}
-
-/// One of the rays of columns, read where it is asked for.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RayOf<'a> {
-    pub(crate) columns: &'a RayColumns<'a>,
-    pub(crate) i: usize,
-}
-
-impl RayOf<'_> {
-    #[inline(always)]
-    pub(crate) fn read(self) -> (Ray, Span) {
-        self.columns.ray(self.i)
-    }
-}
 
 /// Rays in culling space, a lane each.
 #[derive(Clone, Copy, Debug)]
@@ -103,7 +33,7 @@ pub(crate) struct Packet<S: Simd, const W: usize> {
     pub(crate) end_below: S::F32,
     /// What is still to be found lies before these.
     pub(crate) ends: S::F32,
-    /// What each ray leaves, and the lanes that leave it into its front.
+    /// What each ray leaves, and the lanes that leave it into its front; if any leaves anything.
     left: [u32; W],
     left_front: u32,
     leaves: bool,
@@ -212,7 +142,7 @@ impl<S: Simd, const W: usize> Packet<S, W> {
             start_above: zero,
             end_below: zero,
             ends: zero,
-            left: [NOBODY; W],
+            left: [Left::NOBODY; W],
             left_front: 0,
             leaves: false,
         }
@@ -262,13 +192,12 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         let starts = starts.max(zero);
         self.leaves = !rays.left.is_empty();
         if self.leaves {
-            (self.left, self.left_front) = ([NOBODY; W], 0);
-            for (lane, departure) in rays.left[first..first + len].iter().enumerate() {
-                if let Some((primitive, side)) = *departure {
-                    self.left[lane] = primitive;
-                    self.left_front |= u32::from(side == Side::Front) << lane;
-                }
+            let mut left = [Left::NOTHING; W];
+            match rays.left.get(first..first + W) {
+                Some(all) => left.copy_from_slice(all),
+                None => left[..len].copy_from_slice(&rays.left[first..first + len]),
             }
+            (self.left, self.left_front) = Left::split(&left);
         }
         (self.first, self.len, self.advance) = (first, len, advance);
         (self.start, self.end_below) = (starts, ends);

@@ -4,8 +4,9 @@ use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Span};
 use rayset_simd::{LaneMask, Lanes, Simd};
 
+use crate::columns::RayColumns;
 use crate::frame::{Frame, round_down, round_up};
-use crate::packet::{RayColumns, narrow};
+use crate::packet::narrow;
 
 /// How far planes of boxes are moved outwards, in units of the rounding of a coordinate: of a ray in culling space.
 ///

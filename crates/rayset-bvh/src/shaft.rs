@@ -308,8 +308,9 @@ mod tests {
     use rayset_simd::{Backend, Kernel};
 
     use super::*;
+    use crate::columns::RayColumns;
     use crate::frame::Frame;
-    use crate::packet::{Approach, RayColumns, level};
+    use crate::packet::{Approach, level};
 
     /// One box, the same in every lane.
     struct One(CullBox);

@@ -6,10 +6,10 @@ use rayset_geometry::{
 use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
 use crate::axes::AxisBlock;
+use crate::columns::RayOf;
 use crate::exact::Sure;
 use crate::fans::FanBlock;
 use crate::interval::{Intervals, SphereBlock, TriangleBlock};
-use crate::packet::RayOf;
 use crate::ray::CullRay;
 use crate::shaft::BoxBlock;
 

@@ -4,6 +4,7 @@ use rayset_geometry::{PrimitiveKind, Sides};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::axes::AxisRays;
+use crate::columns::HitOrNone;
 use crate::exact::{
     Departing, Exact, ExactHits, ExactTogether, LEAST_TOGETHER, NONE, PLACE_BITS, Sure, record_of,
 };
@@ -115,7 +116,7 @@ impl<S: Simd> Nearest<S> {
         simd: S,
         exact: &Exact<'_, W>,
         packet: &Packet<S, W>,
-        found: &mut [Option<Hit>],
+        found: &mut [HitOrNone],
     ) {
         let mut records = [0.0; W];
         self.records.store(&mut records);
@@ -146,7 +147,7 @@ impl<S: Simd> Nearest<S> {
             }
         }
         let Exact { shapes, rays, .. } = exact;
-        let left = if rays.left.is_empty() { &[] } else { &rays.left[packet.first..] };
+        let left = rays.left_by(packet.first..packet.first + packet.len);
         let departing = Departing { rays: **rays, first: packet.first, left };
         shapes.resolve_all(simd, &departing, &sure, lanes, found);
     }
@@ -425,9 +426,10 @@ mod tests {
     use rayset_simd::{Backend, Kernel, Scalar};
 
     use super::*;
+    use crate::columns::RayColumns;
     use crate::frame::Frame;
     use crate::interval::TriangleBlock;
-    use crate::packet::{Approach, RayColumns, level};
+    use crate::packet::{Approach, level};
 
     /// How often single precision contradicts the exact test of a triangle, for rays that go mostly across the axis of
     /// their packet.

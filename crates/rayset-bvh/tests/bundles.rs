@@ -1,7 +1,7 @@
 //! Rays traced together have the bits of a loop over all primitives, one by one.
 
 use proptest::prelude::*;
-use rayset_bvh::{Bundled, Hierarchy, Hit, RayColumns};
+use rayset_bvh::{Bundled, Hierarchy, Hit, HitOrNone, Left, RayColumns};
 use rayset_geometry::glam::{DVec3, dvec3};
 use rayset_geometry::{
     Cone, Polygon, Primitive, PrimitiveColumns, Ray, Side, Sides, Span, Sphere, Triangle, unit,
@@ -36,23 +36,25 @@ impl List {
 }
 
 fn together(hierarchy: &Hierarchy, list: &List) -> (Vec<Option<Hit>>, Vec<bool>, Bundled) {
+    let left: Vec<Left> = list.left.iter().map(|&left| left.into()).collect();
     let rays = RayColumns {
         origins: [&list.origins[0], &list.origins[1], &list.origins[2]],
         directions: [&list.directions[0], &list.directions[1], &list.directions[2]],
         spans: (&list.starts, &list.ends),
-        left: &list.left,
+        left: &left,
     };
     let n = list.left.len();
     // What stands in the places before does not matter.
-    let (mut hits, mut occluded) = (vec![Some(Hit { t: 0.0, primitive: 0 }); n], vec![true; n]);
+    let something = HitOrNone { t: 0.0, primitive: 0 };
+    let (mut hits, mut occluded) = (vec![something; n], vec![true; n]);
     let mut scratch = hierarchy.bundle_scratch();
     hierarchy.nearest_bundle(&rays, 0..n, 0, &mut hits, &mut scratch);
     hierarchy.occluded_bundle(&rays, 0..n, 1, &mut occluded, &mut scratch);
-    let (mut each_hits, mut each_occluded) = (vec![Some(Hit { t: 0.0, primitive: 0 }); n], vec![true; n]);
+    let (mut each_hits, mut each_occluded) = (vec![something; n], vec![true; n]);
     hierarchy.nearest_each(&rays, &mut each_hits, &mut scratch.single);
     hierarchy.occluded_each(&rays, &mut each_occluded, &mut scratch.single);
     assert!(each_hits == hits && each_occluded == occluded, "one by one as together");
-    (hits, occluded, scratch.bundled)
+    (hits.iter().map(|hit| hit.get()).collect(), occluded, scratch.bundled)
 }
 
 /// Compares with a loop; returns how many rays were answered together.

@@ -164,6 +164,8 @@ pub struct Generation {
     starts: Vec<f64>,
     ends: Vec<f64>,
     originating: Vec<Option<Originating>>,
+    /// Whether any ray leaves something.
+    leaves_anything: bool,
 }
 
 impl Generation {
@@ -203,6 +205,11 @@ impl Generation {
         &self.originating
     }
 
+    /// Whether any ray leaves something.
+    pub(crate) fn leaves_anything(&self) -> bool {
+        self.leaves_anything
+    }
+
     /// The slot of each ray.
     #[must_use]
     pub fn slots(&self) -> &[Slot] {
@@ -239,6 +246,7 @@ impl Generation {
         self.ray_sets.push(query.ray_set);
         self.slots.push(query.slot);
         self.originating.push(query.originating);
+        self.leaves_anything |= query.originating.is_some();
         let (origin, direction) = (query.ray.origin().to_array(), query.ray.direction().to_array());
         for k in 0..3 {
             self.origins[k].push(origin[k]);
@@ -274,6 +282,7 @@ impl Generation {
         if n == 0 {
             return;
         }
+        self.leaves_anything = true;
         self.ray_sets.resize(first + n, RaySetIndex(0));
         self.slots.resize(first + n, slot);
         self.originating.resize(first + n, None);
@@ -299,6 +308,7 @@ impl Generation {
         self.ray_sets.clear();
         self.slots.clear();
         self.originating.clear();
+        self.leaves_anything = false;
         self.origins.iter_mut().chain(&mut self.directions).for_each(Vec::clear);
         self.starts.clear();
         self.ends.clear();

@@ -7,11 +7,11 @@
 //!
 //! Source: Reshetov, Soupikov and Hurley 2005, "Multi-level ray tracing algorithm".
 
-use rayset_bvh::{BundleScratch, Bundled, Hierarchy};
+use rayset_bvh::{BundleScratch, Bundled, Hierarchy, HitOrNone};
 use rayset_scene::{LightId, ObjectId, Scene};
 use rayset_simd::Backend;
 
-use super::hierarchical::{Left, hierarchy_of, hit_of, objects_of};
+use super::hierarchical::{LeftColumn, extend_with_objects, hierarchy_of, objects_of};
 use crate::query::run_len;
 use crate::{
     Answers, Generation, Hit, IntersectionStrategy, PixelOrder, QueryWork, RayKind, RayQuery, Recording,
@@ -81,8 +81,8 @@ pub(super) struct BundleTracer<'s> {
     hierarchy: &'s Hierarchy,
     objects: &'s [ObjectId],
     scratch: BundleScratch,
-    left: Left,
-    hits: Vec<Option<rayset_bvh::Hit>>,
+    left: LeftColumn,
+    hits: Vec<HitOrNone>,
     recording: Recording,
     stats: Stats,
 }
@@ -92,7 +92,7 @@ const CLASSES: usize = 32;
 
 impl<'s> BundleTracer<'s> {
     pub(super) fn new(hierarchy: &'s Hierarchy, objects: &'s [ObjectId], recording: Recording) -> Self {
-        let (scratch, left, hits) = (hierarchy.bundle_scratch(), Left::default(), Vec::new());
+        let (scratch, left, hits) = (hierarchy.bundle_scratch(), LeftColumn::default(), Vec::new());
         Self { hierarchy, objects, scratch, left, hits, recording, stats: Stats::default() }
     }
 
@@ -162,7 +162,7 @@ fn record(column: &mut [QueryWork], work: Work) {
 
 /// Where the answers of a generation go.
 enum Places<'a> {
-    Hits(&'a mut [Option<rayset_bvh::Hit>]),
+    Hits(&'a mut [HitOrNone]),
     /// And the light of each ray.
     Occluded(&'a mut [bool], &'a [LightId]),
 }
@@ -205,10 +205,9 @@ impl Tracer for BundleTracer<'_> {
 
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
         let mut hits = std::mem::take(&mut self.hits);
-        hits.resize(generation.len(), None);
+        hits.resize(generation.len(), HitOrNone::NONE);
         self.answer(generation, Places::Hits(&mut hits), &mut answers.work);
-        let objects = self.objects;
-        answers.values.extend(hits.iter().map(|hit| hit.map(|hit| hit_of(objects, hit))));
+        extend_with_objects(&mut answers.values, self.objects, &hits);
         self.hits = hits;
     }
 

@@ -5,7 +5,7 @@
 //!
 //! Source: Wald, Benthin and Boulos 2008, "Getting rid of packets", for wide nodes that one ray tests in lanes.
 
-use rayset_bvh::{Hierarchy, Query, RayColumns, Scratch};
+use rayset_bvh::{Hierarchy, HitOrNone, Left, Query, RayColumns, Scratch};
 use rayset_geometry::{Side, Sides};
 use rayset_scene::{ObjectId, PrimitiveId, Scene, VolumeId};
 use rayset_simd::Backend;
@@ -85,23 +85,23 @@ pub(super) struct HierarchicalTracer<'s> {
     hierarchy: &'s Hierarchy,
     objects: &'s [ObjectId],
     scratch: Scratch,
-    left: Left,
-    hits: Vec<Option<rayset_bvh::Hit>>,
+    left: LeftColumn,
+    hits: Vec<HitOrNone>,
     recording: Recording,
     stats: Stats,
 }
 
-/// The primitive that each ray of a generation leaves, and into which of its sides.
+/// What each ray of a generation leaves.
 #[derive(Debug, Default)]
-pub(super) struct Left(Vec<Option<(u32, Side)>>);
+pub(super) struct LeftColumn(Vec<Left>);
 
-impl Left {
+impl LeftColumn {
     /// The rays of a generation as columns, with what they leave.
     pub(super) fn columns<'a>(&'a mut self, rays: &'a Generation) -> RayColumns<'a> {
         self.0.clear();
         // Initial rays leave nothing; a list may mix them with others.
-        if rays.originating().iter().any(Option::is_some) {
-            self.0.extend(rays.originating().iter().map(|from| from.as_ref().map(left_by)));
+        if rays.leaves_anything() {
+            self.0.extend(rays.originating().iter().map(|from| Left::from(from.as_ref().map(left_by))));
         }
         let ([ox, oy, oz], [dx, dy, dz]) = (rays.origins(), rays.directions());
         RayColumns { origins: [ox, oy, oz], directions: [dx, dy, dz], spans: rays.spans(), left: &self.0 }
@@ -119,9 +119,23 @@ pub(super) fn hit_of(objects: &[ObjectId], hit: rayset_bvh::Hit) -> Hit {
     Hit { t: hit.t, object: objects[hit.primitive as usize], primitive }
 }
 
+/// Appends hits with their objects.
+///
+/// What is no hit is looked up too, the last object for it, so that there is no branch to guess.
+pub(super) fn extend_with_objects(values: &mut Vec<Option<Hit>>, objects: &[ObjectId], hits: &[HitOrNone]) {
+    let Some(last) = objects.len().checked_sub(1) else {
+        values.extend(hits.iter().map(|_| None));
+        return;
+    };
+    values.extend(hits.iter().map(|&HitOrNone { t, primitive }| {
+        let hit = Hit { t, object: objects[last.min(primitive as usize)], primitive: PrimitiveId(primitive) };
+        (primitive != HitOrNone::NONE.primitive).then_some(hit)
+    }));
+}
+
 impl<'s> HierarchicalTracer<'s> {
     pub(super) fn new(hierarchy: &'s Hierarchy, objects: &'s [ObjectId], recording: Recording) -> Self {
-        let (scratch, left, hits) = (hierarchy.scratch(), Left::default(), Vec::new());
+        let (scratch, left, hits) = (hierarchy.scratch(), LeftColumn::default(), Vec::new());
         Self { hierarchy, objects, scratch, left, hits, recording, stats: Stats::default() }
     }
 
@@ -160,9 +174,9 @@ impl Tracer for HierarchicalTracer<'_> {
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
         if self.recording == Recording::Off {
             let Self { hierarchy, objects, scratch, left, hits, .. } = self;
-            hits.resize(generation.len(), None);
+            hits.resize(generation.len(), HitOrNone::NONE);
             hierarchy.nearest_each(&left.columns(generation), hits, scratch);
-            answers.values.extend(hits.iter().map(|hit| hit.map(|hit| hit_of(objects, hit))));
+            extend_with_objects(&mut answers.values, objects, hits);
             self.count();
             return;
         }
