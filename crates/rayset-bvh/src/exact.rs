@@ -8,6 +8,7 @@ use rayset_simd::{LaneMask, Lanes, Part, Scalar, Simd};
 
 use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::frame::Frame;
+use crate::packet::Packet;
 use crate::shapes::{Hit, Shapes};
 
 /// How many bits of a record's number say where in its run it stands.
@@ -48,7 +49,7 @@ impl<const W: usize> Exact<'_, W> {
 }
 
 /// So many rays at least are tested together against a sphere or a triangle.
-pub(crate) const LEAST_TOGETHER: u32 = 3;
+const LEAST_TOGETHER: u32 = 3;
 
 /// The exact hits of rays of a packet, of one primitive.
 #[derive(Clone, Copy, Debug)]
@@ -58,19 +59,6 @@ pub(crate) struct ExactHits<const W: usize> {
     /// Where they do.
     pub(crate) t: [f64; W],
     pub(crate) primitive: u32,
-}
-
-impl<const W: usize> ExactHits<W> {
-    /// Writes the hits to the places of the packet's rays.
-    #[inline(always)]
-    pub(crate) fn write(&self, found: &mut [HitOrNone]) {
-        let mut lanes = self.lanes;
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize % W;
-            lanes &= lanes - 1;
-            found[lane] = HitOrNone { t: self.t[lane], primitive: self.primitive };
-        }
-    }
 }
 
 /// Some rays of a packet, and a primitive that they may hit.
@@ -137,6 +125,91 @@ impl<S: Simd, const W: usize> Part<S> for ExactTogether<'_, W> {
             }
         }
         hits
+    }
+}
+
+/// Rays of a packet, and the records that they surely hit.
+pub(crate) struct ExactSure<'a, S: Simd, const W: usize> {
+    pub(crate) exact: &'a Exact<'a, W>,
+    pub(crate) packet: &'a Packet<S, W>,
+    pub(crate) records: [u32; W],
+    /// The lanes that hit one.
+    pub(crate) lanes: u32,
+    /// Where the hits go.
+    pub(crate) found: &'a mut [HitOrNone],
+}
+
+impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        let Self { exact, packet, records, lanes, found } = self;
+        let Exact { shapes, rays, .. } = exact;
+        let first = packet.first;
+        let pairs = S::F64::LANES;
+        let zero = simd.splat_f64(0.0);
+        let (mut sure, mut others) = ([Sure::NONE; W], 0);
+        let mut lane = 0;
+        while lanes >> lane != 0 {
+            let mut open = lanes & (u32::MAX >> (32 - pairs)) << lane;
+            let is_whole = first + lane + pairs <= rays.len();
+            let (mut spheres, mut triangles) = (Wanted::<W>::NONE, Wanted::<W>::NONE);
+            let (mut ball, mut vertices) = (([zero; 3], zero), [[zero; 3]; 3]);
+            while open != 0 {
+                let record = records[open.trailing_zeros() as usize % W];
+                // Rays that hit the same fetch it once.
+                let alike = open & simd.equal_u32(&records, record).bits();
+                open &= !alike;
+                let one = exact.sure(record);
+                let mask = simd.mask_f64(alike >> lane);
+                if one.kind == PrimitiveKind::Triangle && is_whole {
+                    let triangle = shapes.triangle(one.index).splat(simd);
+                    for (lanes, coordinate) in
+                        vertices.as_flattened_mut().iter_mut().zip(triangle.as_flattened())
+                    {
+                        *lanes = coordinate.select(mask, *lanes);
+                    }
+                    let number = shapes.number(one.kind, one.index);
+                    let (leaving, _) = packet.leaving(simd, number);
+                    triangles.add_all(alike >> lane, &one, number, [leaving >> lane; 2]);
+                } else if one.kind == PrimitiveKind::Sphere && is_whole {
+                    let sphere = shapes.sphere(one.index);
+                    for (lanes, coordinate) in ball.0.iter_mut().zip(sphere.center().to_array()) {
+                        *lanes = simd.splat_f64(coordinate).select(mask, *lanes);
+                    }
+                    ball.1 = simd.splat_f64(sphere.radius()).select(mask, ball.1);
+                    let number = shapes.number(one.kind, one.index);
+                    let (leaving, outwards) = packet.leaving(simd, number);
+                    spheres.add_all(alike >> lane, &one, number, [leaving >> lane, outwards >> lane]);
+                } else {
+                    others |= alike;
+                    let mut alike = alike;
+                    while alike != 0 {
+                        sure[alike.trailing_zeros() as usize % W] = one;
+                        alike &= alike - 1;
+                    }
+                }
+            }
+            if (triangles.lanes | spheres.lanes) != 0 {
+                let LanesOfColumns { rays: pair, span } = rays.lanes(simd, first + lane);
+                if triangles.lanes != 0 {
+                    let (rays, axes) = ShearedLanes::of(simd, &pair, span);
+                    let vertices = axes.order_all(vertices);
+                    let hits = Triangle::intersect_pairs(simd, &rays, vertices, triangles.sides(simd));
+                    triangles.write(hits, &mut found[lane..]);
+                }
+                if spheres.lanes != 0 {
+                    let hits = Sphere::intersect_pairs(simd, &pair, span, ball, spheres.sides(simd));
+                    spheres.write(hits, &mut found[lane..]);
+                }
+            }
+            lane += pairs;
+        }
+        if others != 0 {
+            let departing = Departing { rays: **rays, first, left: rays.left_by(first..first + packet.len) };
+            shapes.resolve_all(simd, &departing, &sure, others, found);
+        }
     }
 }
 
@@ -215,6 +288,19 @@ impl<const W: usize> Wanted<W> {
         self.primitives[lane] = primitive;
         self.front |= u32::from(sure.sides != Sides::Back && !leaves) << lane;
         self.back |= u32::from(sure.sides != Sides::Front && !never_again) << lane;
+    }
+
+    /// Adds lanes that hit the same; of all, which leave it so that its front, and its back, is not met again.
+    #[inline(always)]
+    fn add_all(&mut self, lanes: u32, sure: &Sure, primitive: u32, [front, back]: [u32; 2]) {
+        self.lanes |= lanes;
+        self.front |= if sure.sides == Sides::Back { 0 } else { lanes & !front };
+        self.back |= if sure.sides == Sides::Front { 0 } else { lanes & !back };
+        let mut lanes = lanes;
+        while lanes != 0 {
+            self.primitives[lanes.trailing_zeros() as usize % W] = primitive;
+            lanes &= lanes - 1;
+        }
     }
 
     #[inline(always)]

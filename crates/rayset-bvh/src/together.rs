@@ -5,9 +5,7 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::axes::AxisRays;
 use crate::columns::HitOrNone;
-use crate::exact::{
-    Departing, Exact, ExactHits, ExactTogether, LEAST_TOGETHER, NONE, PLACE_BITS, Sure, record_of,
-};
+use crate::exact::{Exact, ExactHits, ExactSure, ExactTogether, NONE, PLACE_BITS, Sure, record_of};
 use crate::interval::{self, Intervals, SpanLanes};
 use crate::packet::Packet;
 use crate::shaft::Shaft;
@@ -121,35 +119,10 @@ impl<S: Simd> Nearest<S> {
         let mut records = [0.0; W];
         self.records.store(&mut records);
         let records = records.map(f32::to_bits);
-        let all = u32::MAX >> (32 - packet.len);
-        let mut open = all & !simd.equal_u32(&records, NONE).bits();
-        let (mut sure, mut lanes) = ([Sure::NONE; W], 0);
-        while open != 0 {
-            let lane = open.trailing_zeros() as usize % W;
-            let record = records[lane];
-            let alike = open & simd.equal_u32(&records, record).bits();
-            open &= !alike;
-            let one = exact.sure(record);
-            // Rays that hit the same need not each fetch it.
-            let is_simple = matches!(one.kind, PrimitiveKind::Sphere | PrimitiveKind::Triangle);
-            if is_simple && alike.count_ones() >= LEAST_TOGETHER {
-                let hits = exact.hits(simd, packet, alike, record);
-                debug_assert_eq!(hits.lanes, alike, "a sure hit is one");
-                hits.write(found);
-                continue;
-            }
-            let mut alike = alike;
-            while alike != 0 {
-                let lane = alike.trailing_zeros() as usize % W;
-                alike &= alike - 1;
-                sure[lane] = one;
-                lanes |= 1 << lane;
-            }
+        let lanes = !simd.equal_u32(&records, NONE).bits() & (u32::MAX >> (32 - packet.len));
+        if lanes != 0 {
+            simd.outline(ExactSure { exact, packet, records, lanes, found });
         }
-        let Exact { shapes, rays, .. } = exact;
-        let left = rays.left_by(packet.first..packet.first + packet.len);
-        let departing = Departing { rays: **rays, first: packet.first, left };
-        shapes.resolve_all(simd, &departing, &sure, lanes, found);
     }
 }
 
