@@ -16,11 +16,11 @@ use crate::packet::Packet;
 use crate::shaft::Shaft;
 use crate::together::{Progress, Question};
 
-/// A packet goes on as long as it has taken no more than so many halves of the steps of its rays by themselves: a step of
-/// a packet takes less time than one of a ray, which guesses its way.
-const PACKET_HALVES: u64 = 3;
+/// A packet goes on as long as it has taken no more than so many quarters of the steps of its rays by themselves: a step
+/// of a packet takes less time than one of a ray, which guesses its way.
+const PACKET_QUARTERS: u64 = 10;
 /// And a tile, of the steps of its packets by themselves.
-const TILE_HALVES: u64 = 1;
+const TILE_QUARTERS: u64 = 3;
 
 /// Takes packets through the tree under one shaft, until they come to an end or turn out not to be worth it.
 ///
@@ -127,9 +127,9 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
             let Some(next) = next else { break true };
             let (steps, tests) = (nodes + leaves + box_tests + progress.shaft_tests, progress.tests());
             let is_worth_it = if ALONE {
-                2 * (steps + tests) <= PACKET_HALVES * worth
+                4 * (steps + tests) <= PACKET_QUARTERS * worth
             } else {
-                2 * steps <= TILE_HALVES * worth
+                4 * steps <= TILE_QUARTERS * worth
             };
             if !is_worth_it || steps + tests > most {
                 break false;
