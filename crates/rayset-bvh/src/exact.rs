@@ -421,9 +421,11 @@ impl<const W: usize> Shapes<W> {
         lanes: u32,
         found: &mut [HitOrNone],
     ) -> u32 {
-        let Some((wanted, indices)) = self.wanted(PrimitiveKind::Sphere, pairs.left, sure, lanes) else {
+        let (mut wanted, mut indices) = (Wanted::NONE, [0; W]);
+        self.want(PrimitiveKind::Sphere, pairs.left, sure, lanes, &mut wanted, &mut indices);
+        if wanted.lanes == 0 {
             return 0;
-        };
+        }
         let sphere = |lane: usize| self.sphere(indices[lane]);
         let center = [
             simd.collect_f64(|lane| sphere(lane).center().x),
@@ -446,9 +448,11 @@ impl<const W: usize> Shapes<W> {
         lanes: u32,
         found: &mut [HitOrNone],
     ) -> u32 {
-        let Some((wanted, indices)) = self.wanted(PrimitiveKind::Triangle, pairs.left, sure, lanes) else {
+        let (mut wanted, mut indices) = (Wanted::NONE, [0; W]);
+        self.want(PrimitiveKind::Triangle, pairs.left, sure, lanes, &mut wanted, &mut indices);
+        if wanted.lanes == 0 {
             return 0;
-        };
+        }
         let (rays, axes) = ShearedLanes::of(simd, &pairs.rays, pairs.span);
         let vertices = axes.order_all(Triangle::collect(simd, &indices.map(|index| self.triangle(index))));
         let hits = Triangle::intersect_pairs(simd, &rays, vertices, wanted.sides(simd));
@@ -456,17 +460,18 @@ impl<const W: usize> Shapes<W> {
         wanted.lanes
     }
 
-    /// Of some lanes those whose hit is of a kind, and of every lane the index of what it hits: of the others, of anything.
+    /// Adds those of some lanes whose hit is of a kind, and of every lane the index of what it hits: of the others, of
+    /// anything. In place: given back, both would be copied.
     #[inline(always)]
-    fn wanted(
+    fn want(
         &self,
         kind: PrimitiveKind,
         left: &[Left],
         sure: &[Sure],
         mut lanes: u32,
-    ) -> Option<(Wanted<W>, [u32; W])> {
-        let mut wanted = Wanted::NONE;
-        let mut indices = [0; W];
+        wanted: &mut Wanted<W>,
+        indices: &mut [u32; W],
+    ) {
         while lanes != 0 {
             let i = lanes.trailing_zeros() as usize % W;
             lanes &= lanes - 1;
@@ -475,11 +480,10 @@ impl<const W: usize> Shapes<W> {
                 continue;
             }
             if wanted.lanes == 0 {
-                indices = [sure.index; W];
+                *indices = [sure.index; W];
             }
             indices[i] = sure.index;
             wanted.add(i, sure, self.number(kind, sure.index), left);
         }
-        (wanted.lanes != 0).then_some((wanted, indices))
     }
 }
