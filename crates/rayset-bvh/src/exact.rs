@@ -171,8 +171,8 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
                         *lanes = coordinate.select(mask, *lanes);
                     }
                     let number = shapes.number(one.kind, one.index);
-                    let (leaving, _) = packet.leaving(simd, number);
-                    triangles.add_all(alike >> lane, &one, number, [leaving >> lane; 2]);
+                    // Who leaves it does not surely hit it.
+                    triangles.add_all(alike >> lane, &one, number, [0; 2]);
                 } else if one.kind == PrimitiveKind::Sphere && is_whole {
                     let sphere = shapes.sphere(one.index);
                     for (lanes, coordinate) in ball.0.iter_mut().zip(sphere.center().to_array()) {
