@@ -210,11 +210,11 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
             if entrance.begin(simd, &wide.tree, &prepared, &ends) {
                 scratch.steps.nodes += u64::from(open.count_ones());
             }
-            for lane in 0..len {
+            for (lane, place) in found[..len].iter_mut().enumerate() {
                 let i = first + lane;
                 let known = if KNOWN { places[i] } else { Q::UNKNOWN };
                 let begin = Entered { entrance: &entrance, ray: lane };
-                found[lane] = match prepared.ray(lane) {
+                *place = match prepared.ray(lane) {
                     Some(cull) if open >> lane & 1 == 1 && entrance.of(lane) != 0 => {
                         let departure = wide.shapes.departure(columns.left(i));
                         let traced = Traced { cull, ray: RayOf { columns: &columns, i }, departure };
