@@ -12,7 +12,7 @@ use crate::columns::{HitOrNone, RayColumns};
 use crate::descent::{Descent, OfPacket, OfTile};
 use crate::each::{AnyHit, NearestHit, OfRay, Rays};
 use crate::exact::Exact;
-use crate::few::OfFew;
+use crate::few::{BlocksOfFew, EachOfFew, OfFew};
 use crate::frame::Frame;
 use crate::hierarchy::{Hierarchy, Scratch, Task, Wide};
 use crate::packet::{Approach, Packet, level};
@@ -50,7 +50,7 @@ struct Class {
 
 /// Whether a kind of shaft is worth trying.
 #[derive(Clone, Copy, Debug)]
-struct Trial {
+pub(crate) struct Trial {
     /// How many are not tried.
     wait: usize,
     /// How many will not be tried after the next loss.
@@ -66,7 +66,7 @@ const N_CLASSES: usize = 64;
 /// How many rays each stage answered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bundled {
-    /// In tiles of packets.
+    /// In tiles of packets; among few spheres, in blocks whose cone missed some.
     pub tiles: u64,
     /// In packets.
     pub packets: u64,
@@ -78,7 +78,7 @@ impl Trial {
     const NEW: Self = Self { wait: 1, next_wait: 1, spent: 0, saved: 0 };
 
     /// Whether to try the next.
-    fn is_due(&mut self) -> bool {
+    pub(crate) fn is_due(&mut self) -> bool {
         self.wait = self.wait.saturating_sub(1);
         self.wait == 0
     }
@@ -89,7 +89,7 @@ impl Trial {
     }
 
     /// Takes in what a shaft took, and what its rays would have taken otherwise if it has answered them.
-    fn end(&mut self, spent: u64, saved: u64) {
+    pub(crate) fn end(&mut self, spent: u64, saved: u64) {
         // What is long ago counts less and less.
         self.spent = self.spent / 8 * 7 + spent;
         self.saved = self.saved / 8 * 7 + saved;
@@ -148,7 +148,9 @@ impl Hierarchy {
         hits: &mut [HitOrNone],
         scratch: &mut BundleScratch,
     ) {
-        hits[range.clone()].fill(HitOrNone::NONE);
+        if self.few().is_empty() {
+            hits[range.clone()].fill(HitOrNone::NONE);
+        }
         self.run(OfBundle { rays, range, class, list: NearestHits(hits), scratch });
     }
 
@@ -165,7 +167,9 @@ impl Hierarchy {
         occluded: &mut [bool],
         scratch: &mut BundleScratch,
     ) {
-        occluded[range.clone()].fill(false);
+        if self.few().is_empty() {
+            occluded[range.clone()].fill(false);
+        }
         self.run(OfBundle { rays, range, class, list: Occluded(occluded), scratch });
     }
 }
@@ -273,7 +277,10 @@ impl<const W: usize> Wide<W> {
         scratch: &mut BundleScratch,
     ) {
         let class = class % N_CLASSES;
-        if !self.few.is_empty() {
+        if self.few.suits_cones() {
+            self.blocks(simd, rays, range, class, &mut list, scratch);
+            return;
+        } else if !self.few.is_empty() {
             self.alone::<S, L, false>(simd, frame, rays, range, class, &mut list, scratch);
             return;
         }
@@ -293,6 +300,27 @@ impl<const W: usize> Wide<W> {
             }
             first += len;
         }
+    }
+
+    /// Rays against few spheres.
+    #[inline(always)]
+    fn blocks<S: Simd, L: List>(
+        &self,
+        simd: S,
+        rays: &RayColumns<'_>,
+        range: Range<usize>,
+        class: usize,
+        list: &mut L,
+        scratch: &mut BundleScratch,
+    ) {
+        let n = range.len() as u64;
+        let (question, columns) = (L::OfRay::default(), rays.cut(0..rays.len()));
+        let each = EachOfFew { few: &self.few, question, columns, range, places: list.places() };
+        let done = simd.outline(BlocksOfFew { each, trial: &mut scratch.classes[class].tiles });
+        scratch.single.steps.leaves += n;
+        scratch.single.primitive_tests += done.tests;
+        scratch.bundled.tiles += done.in_cones;
+        scratch.bundled.alone += n - done.in_cones;
     }
 
     /// Rays one by one.

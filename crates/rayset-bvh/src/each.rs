@@ -247,7 +247,7 @@ impl<const W: usize> Wide<W> {
             let n = range.len() as u64;
             scratch.steps.leaves += n;
             scratch.primitive_tests += n * self.few.len() as u64;
-            simd.outline(EachOfFew { spheres: &self.few, question, columns, range, places });
+            simd.outline(EachOfFew { few: &self.few, question, columns, range, places });
         } else if self.shapes.is_only(PrimitiveKind::Sphere) {
             let content = PhantomData::<OnlySpheres>;
             simd.outline(Each { content, wide: self, frame, question, rays, scratch });

@@ -12,7 +12,7 @@ use crate::columns::RayOf;
 use crate::duplicates::superfluous;
 use crate::each::{AnyHit, NearestHit, Rays};
 use crate::fans::fan_len;
-use crate::few::{FewSphere, OfFew};
+use crate::few::{Few, OfFew};
 use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::{Copies, CullRays};
@@ -103,12 +103,18 @@ impl Hierarchy {
         }
     }
 
-    /// Whether there is a tree, through which rays can go together: up to eight spheres are tested one after the other.
+    /// Whether rays can go together: through a tree, or past some of several spheres. One or two spheres each ray tests.
     #[must_use]
-    pub fn has_tree(&self) -> bool {
+    pub fn suits_bundles(&self) -> bool {
+        let few = self.few();
+        few.is_empty() || few.suits_cones()
+    }
+
+    /// All there is, if that is few spheres and no tree.
+    pub(crate) fn few(&self) -> &Few {
         match &self.width {
-            Width::Eight(wide) => wide.few.is_empty(),
-            Width::Sixteen(wide) => wide.few.is_empty(),
+            Width::Eight(wide) => &wide.few,
+            Width::Sixteen(wide) => &wide.few,
         }
     }
 
@@ -228,7 +234,7 @@ pub(crate) struct Wide<const W: usize> {
     pub(crate) tree: Tree<W>,
     pub(crate) shapes: Shapes<W>,
     /// All there is, if that is few spheres.
-    pub(crate) few: Vec<FewSphere>,
+    pub(crate) few: Few,
 }
 
 impl<const W: usize> Wide<W> {

@@ -36,7 +36,8 @@ impl List {
 }
 
 fn together(hierarchy: &Hierarchy, list: &List) -> (Vec<Option<Hit>>, Vec<bool>, Bundled) {
-    let left: Vec<Left> = list.left.iter().map(|&left| left.into()).collect();
+    let mut left = Vec::new();
+    Left::append(&mut left, &list.left, |&left| left);
     let rays = RayColumns {
         origins: [&list.origins[0], &list.origins[1], &list.origins[2]],
         directions: [&list.directions[0], &list.directions[1], &list.directions[2]],
@@ -265,4 +266,32 @@ fn rays_of_one_eye_are_answered_together() {
         let together = check(&spheres, &list);
         assert!(10 * together > 9 * rays, "{together} of {rays} from {distance}");
     }
+}
+
+/// Few spheres have no tree: blocks of rays have a cone round them, which shows most spheres to be missed.
+#[test]
+fn rays_among_few_spheres_are_answered_together() {
+    let (mut together, mut rays) = (0, 0);
+    for seed in 0..60_u32 {
+        let at = |i: u32, k: f64| 2.0 * (f64::from(1 + seed * 64 + i) * k).fract() - 1.0;
+        let point = |i: u32| dvec3(at(i, 0.618_033_9), at(i, 0.754_877_7), at(i, 0.569_840_3));
+        let radius = 0.1 + 0.1 * f64::from(seed % 5);
+        let spheres: Vec<_> = (0..3 + seed % 6)
+            .map(|i| (Primitive::from(Sphere::new(point(i), radius)), Sides::Both))
+            .collect();
+        // From an eye, and from all over a patch towards a light, as rays that leave a sphere do.
+        let (eye, light) = (2.5 * point(40), 3.0 * point(41));
+        let spread = 0.002 * f64::from(1 + seed % 7);
+        let mut list = List::default();
+        for i in 0..700_u32 {
+            let aside = spread * dvec3(f64::from(i % 16), f64::from(i / 16 % 16), 0.0);
+            let (origin, target) =
+                if seed % 2 == 0 { (eye, point(0) + aside) } else { (point(1) + aside, light) };
+            let left = (seed % 4 == 1).then_some((1, Side::Front));
+            list.push(&Ray::new(origin, unit(target - origin).unwrap()), Span::FORWARD, left);
+        }
+        together += check(&spheres, &list);
+        rays += 2 * 700 * Backend::available().len() as u64;
+    }
+    assert!(10 * together > 7 * rays, "{together} of {rays}");
 }

@@ -2,8 +2,8 @@
 //!
 //! All ways share one hierarchy, which single rays and bundles both go through, so nothing is built twice. Rays are given
 //! to `bundle`, which finds out by itself whether shafts pay; where it has found that they do not, for the rays of a kind
-//! and depth, those go to `hierarchical` for a while, which spends nothing on finding out. Among spheres so few that they
-//! are no tree all rays do.
+//! and depth, those go to `hierarchical` for a while, which spends nothing on finding out. Among one or two spheres all
+//! rays do.
 
 use rayset_scene::Scene;
 use rayset_simd::Backend;
@@ -62,7 +62,7 @@ impl IntersectionStrategy for Auto<'_> {
         Box::new(AutoTracer {
             bundle: BundleTracer::new(hierarchy, objects, recording),
             single: HierarchicalTracer::new(hierarchy, objects, recording),
-            may_bundle: hierarchy.has_tree(),
+            may_bundle: hierarchy.suits_bundles(),
             choices: [Choice::default(); 2 * DEPTHS],
             alone: ByKind::default(),
             stats: Stats::default(),
@@ -110,7 +110,7 @@ impl Choice {
 struct AutoTracer<'s> {
     bundle: BundleTracer<'s>,
     single: HierarchicalTracer<'s>,
-    /// Whether there is a tree to go through together.
+    /// Whether there is anything to go through together.
     may_bundle: bool,
     /// By depth, for rays that ask for the nearest hit; then for shadow rays.
     choices: [Choice; 2 * DEPTHS],

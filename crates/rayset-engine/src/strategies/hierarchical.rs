@@ -101,13 +101,14 @@ impl LeftColumn {
         self.0.clear();
         // Initial rays leave nothing; a list may mix them with others.
         if rays.leaves_anything() {
-            self.0.extend(rays.originating().iter().map(|from| Left::from(from.as_ref().map(left_by))));
+            Left::append(&mut self.0, rays.originating(), |from| from.as_ref().map(left_by));
         }
         let ([ox, oy, oz], [dx, dy, dz]) = (rays.origins(), rays.directions());
         RayColumns { origins: [ox, oy, oz], directions: [dx, dy, dz], spans: rays.spans(), left: &self.0 }
     }
 }
 
+#[inline(always)]
 fn left_by(originating: &Originating) -> (u32, Side) {
     (originating.primitive.0, originating.side)
 }
