@@ -95,7 +95,8 @@ impl Cone {
         let distance = from_side.max(-along);
         let size = apex[0].abs() + apex[1].abs() + apex[2].abs() + self.radius;
         let error = (across + along.abs() + radii + splat(size)) * splat(factor * CONE_MARGIN);
-        let misses = distance.gt(radii + splat(self.radius) + error) & distance.lt(splat(f64::INFINITY));
+        // Where a square overflows, the error is as infinite as the distance, and nothing is greater.
+        let misses = distance.gt(radii + splat(self.radius) + error);
         (!misses).bits()
     }
 }
@@ -203,6 +204,45 @@ mod tests {
                 lost += usize::from(met & 1 == 0);
             }
             (lost, hits)
+        }
+    }
+
+    /// How many spheres that only the last ray of a block hits are said to be missed.
+    struct LastRay;
+
+    impl Kernel for LastRay {
+        type Output = usize;
+
+        fn run<S: Simd>(self, simd: S) -> usize {
+            let mut lost = 0;
+            for n in S::F64::LANES..=3 * S::F64::LANES {
+                for (aside, towards) in [(0.0, DVec3::new(0.6, 0.0, 0.8)), (3.0, DVec3::Z)] {
+                    let mut columns: [Vec<f64>; 6] = std::array::from_fn(|_| vec![0.0; n]);
+                    columns[5].fill(1.0);
+                    columns[0][n - 1] = aside;
+                    (columns[3][n - 1], columns[5][n - 1]) = (towards.x, towards.z);
+                    let [ox, oy, oz, dx, dy, dz] = &columns;
+                    let (starts, ends) = (vec![0.0; n], vec![f64::INFINITY; n]);
+                    let columns = RayColumns {
+                        origins: [ox, oy, oz],
+                        directions: [dx, dy, dz],
+                        spans: (&starts, &ends),
+                        left: &[],
+                    };
+                    let center = DVec3::new(aside, 0.0, 0.0) + 10.0 * towards;
+                    let cone = Cone::around(simd, &columns, 0..n, 1.0).expect("not too wide");
+                    let centers = [center.x, center.y, center.z].map(|x| simd.splat_f64(x));
+                    lost += usize::from(cone.may_meet(simd, centers, simd.splat_f64(0.1), 1.0) & 1 == 0);
+                }
+            }
+            lost
+        }
+    }
+
+    #[test]
+    fn the_last_rays_are_in_the_cone() {
+        for &backend in Backend::available() {
+            assert_eq!(backend.run(LastRay), 0, "{backend}");
         }
     }
 

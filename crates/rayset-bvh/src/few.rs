@@ -79,7 +79,7 @@ pub(crate) struct Done {
 }
 
 /// How many rays share a cone: a tile. (With 64, which miss a few spheres more, frames took a tenth longer.)
-const BLOCK: usize = 256;
+pub(crate) const BLOCK: usize = 256;
 /// What a cone costs, in quarters of a test of its rays against one sphere.
 const CONE_COST: u64 = 5;
 

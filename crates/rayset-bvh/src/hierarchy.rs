@@ -12,7 +12,7 @@ use crate::columns::RayOf;
 use crate::duplicates::superfluous;
 use crate::each::{AnyHit, NearestHit, Rays};
 use crate::fans::fan_len;
-use crate::few::{Few, OfFew};
+use crate::few::{BLOCK, Few, OfFew};
 use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::{Copies, CullRays};
@@ -108,6 +108,13 @@ impl Hierarchy {
     pub fn suits_bundles(&self) -> bool {
         let few = self.few();
         few.is_empty() || few.suits_cones()
+    }
+
+    /// How many rays of a list go together at most: [`Hierarchy::nearest_bundle`] and [`Hierarchy::occluded_bundle`] do the
+    /// same work for a list as for its parts of this length.
+    #[must_use]
+    pub fn tile_len(&self) -> usize {
+        if self.few().is_empty() { self.lanes() * self.lanes() } else { BLOCK }
     }
 
     /// All there is, if that is few spheres and no tree.

@@ -110,9 +110,8 @@ impl<'s> BundleTracer<'s> {
     fn answer(&mut self, generation: &Generation, mut places: Places<'_>, work: &mut Vec<QueryWork>) {
         let mut left = std::mem::take(&mut self.left);
         let rays = left.columns(generation);
-        let lanes = self.hierarchy.lanes();
-        // Shaft by shaft where their work is asked for.
-        let step = if self.recording == Recording::Off { usize::MAX } else { lanes * lanes };
+        // Tile by tile where their work is asked for.
+        let step = if self.recording == Recording::Off { usize::MAX } else { self.hierarchy.tile_len() };
         let slots = generation.slots();
         let before = work.len();
         if self.recording == Recording::PerQuery {
