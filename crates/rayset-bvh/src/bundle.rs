@@ -12,7 +12,7 @@ use crate::columns::{HitOrNone, RayColumns};
 use crate::descent::{Descent, OfPacket, OfTile};
 use crate::each::{AnyHit, NearestHit, OfRay, Rays};
 use crate::exact::Exact;
-use crate::few::{BlocksOfFew, EachOfFew, OfFew};
+use crate::few::{BLOCK, BlocksOfFew, EachOfFew, OfFew};
 use crate::frame::Frame;
 use crate::hierarchy::{Hierarchy, Scratch, Task, Wide};
 use crate::packet::{Approach, Packet, level};
@@ -42,6 +42,7 @@ pub struct BundleScratch {
 /// How the rays of a class fared so far.
 #[derive(Clone, Copy, Debug)]
 struct Class {
+    cones: Trial,
     tiles: Trial,
     packets: Trial,
     /// Steps and number of the rays traced alone.
@@ -66,7 +67,7 @@ const N_CLASSES: usize = 64;
 /// How many rays each stage answered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bundled {
-    /// In tiles of packets; among few spheres, in blocks whose cone missed some.
+    /// In tiles of packets; among few spheres, in blocks whose cone missed enough of them.
     pub tiles: u64,
     /// In packets.
     pub packets: u64,
@@ -128,7 +129,8 @@ impl Hierarchy {
         BundleScratch {
             single: self.scratch(),
             bundled: Bundled::default(),
-            classes: [Class { tiles: Trial::NEW, packets: Trial::NEW, alone: (0, 0) }; N_CLASSES],
+            classes: [Class { cones: Trial::NEW, tiles: Trial::NEW, packets: Trial::NEW, alone: (0, 0) };
+                N_CLASSES],
         }
     }
 
@@ -148,7 +150,7 @@ impl Hierarchy {
         hits: &mut [HitOrNone],
         scratch: &mut BundleScratch,
     ) {
-        if self.few().is_empty() {
+        if !self.few().replace_tree() {
             hits[range.clone()].fill(HitOrNone::NONE);
         }
         self.run(OfBundle { rays, range, class, list: NearestHits(hits), scratch });
@@ -167,7 +169,7 @@ impl Hierarchy {
         occluded: &mut [bool],
         scratch: &mut BundleScratch,
     ) {
-        if self.few().is_empty() {
+        if !self.few().replace_tree() {
             occluded[range.clone()].fill(false);
         }
         self.run(OfBundle { rays, range, class, list: Occluded(occluded), scratch });
@@ -277,32 +279,26 @@ impl<const W: usize> Wide<W> {
         scratch: &mut BundleScratch,
     ) {
         let class = class % N_CLASSES;
-        if self.few.suits_cones() {
-            self.blocks(simd, rays, range, class, &mut list, scratch);
-            return;
-        } else if !self.few.is_empty() {
-            self.alone::<S, L, false>(simd, frame, rays, range, class, &mut list, scratch);
+        let Range { start: mut first, end } = range;
+        if !self.few.suit_cones() {
+            if self.few.replace_tree() {
+                self.alone::<S, L, false>(simd, frame, rays, first..end, class, &mut list, scratch);
+            } else {
+                self.tiles(simd, frame, rays, first..end, class, &mut list, scratch);
+            }
             return;
         }
-        let suits = self.shapes.suits_packets();
-        let mut first = range.start;
-        while first < range.end {
-            let len = (range.end - first).min(W * W);
-            let known = &mut scratch.classes[class];
-            let packets = len.div_ceil(W);
-            if suits && len > W && known.wants_tile() {
-                self.tile(simd, frame, rays, first, len, class, &mut list, scratch);
-            } else if suits && len >= LEAST_PACKET && known.packets.wait <= packets {
-                self.packets(simd, frame, rays, first, len, class, &mut list, scratch);
-            } else {
-                known.packets.wait = known.packets.wait.saturating_sub(packets).max(1);
-                self.alone::<S, L, false>(simd, frame, rays, first..first + len, class, &mut list, scratch);
+        while first < end {
+            first += self.blocks(simd, rays, first..end, class, &mut list, scratch);
+            let block = first..end.min(first + BLOCK);
+            first = block.end;
+            if !block.is_empty() {
+                self.tiles(simd, frame, rays, block, class, &mut list, scratch);
             }
-            first += len;
         }
     }
 
-    /// Rays against few spheres.
+    /// Rays against few spheres, up to a block that may meet too many; how many that are.
     #[inline(always)]
     fn blocks<S: Simd, L: List>(
         &self,
@@ -312,15 +308,47 @@ impl<const W: usize> Wide<W> {
         class: usize,
         list: &mut L,
         scratch: &mut BundleScratch,
-    ) {
-        let n = range.len() as u64;
+    ) -> usize {
         let (question, columns) = (L::OfRay::default(), rays.cut(0..rays.len()));
         let each = EachOfFew { few: &self.few, question, columns, range, places: list.places() };
-        let done = simd.outline(BlocksOfFew { each, trial: &mut scratch.classes[class].tiles });
+        let done = simd.outline(BlocksOfFew { each, trial: &mut scratch.classes[class].cones });
+        let n = done.rays as u64;
         scratch.single.steps.leaves += n;
         scratch.single.primitive_tests += done.tests;
         scratch.bundled.tiles += done.in_cones;
         scratch.bundled.alone += n - done.in_cones;
+        done.rays
+    }
+
+    /// Rays through the tree: tile by tile.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "as above")]
+    fn tiles<S: Simd, L: List>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        range: Range<usize>,
+        class: usize,
+        list: &mut L,
+        scratch: &mut BundleScratch,
+    ) {
+        let suits = self.shapes.suits_packets();
+        let mut first = range.start;
+        while first < range.end {
+            let len = (range.end - first).min(W * W);
+            let known = &mut scratch.classes[class];
+            let packets = len.div_ceil(W);
+            if suits && len > W && known.wants_tile() {
+                self.tile(simd, frame, rays, first, len, class, list, scratch);
+            } else if suits && len >= LEAST_PACKET && known.packets.wait <= packets {
+                self.packets(simd, frame, rays, first, len, class, list, scratch);
+            } else {
+                known.packets.wait = known.packets.wait.saturating_sub(packets).max(1);
+                self.alone::<S, L, false>(simd, frame, rays, first..first + len, class, list, scratch);
+            }
+            first += len;
+        }
     }
 
     /// Rays one by one.

@@ -241,7 +241,7 @@ impl<const W: usize> Wide<W> {
         rays: Rays<'_, Q::Answer, KNOWN>,
         scratch: &mut Scratch,
     ) {
-        if !self.few.is_empty() {
+        if self.few.replace_tree() {
             let Rays { columns, range, places } = rays;
             let columns = columns.cut(0..columns.len());
             let n = range.len() as u64;

@@ -2,7 +2,8 @@
 //!
 //! As many rays at a time as there are lanes of double precision, each sphere in turn: exact at once.
 //! (With eight spheres, culling the one leaf there is and deciding afterwards took three times as long.)
-//! In bundles, a cone round a block of rays shows which spheres none of them can meet.
+//! In bundles, a cone round a block of rays shows which spheres none of them can meet; and of some more spheres, whether
+//! those that are left are few.
 
 use std::ops::Range;
 
@@ -17,15 +18,17 @@ use crate::each::{AnyHit, NearestHit, OfRay};
 use crate::shapes::Shapes;
 
 /// How many spheres are few.
-pub(crate) const FEW: usize = 8;
+const FEW: usize = 8;
+/// How many spheres may be few after a cone was asked about all. (With 128, light rays took a fifth longer.)
+const FEW_IN_CONES: usize = 64;
 
-/// Few spheres, in the order of their numbers.
+/// All spheres of a hierarchy that are few, or may be few in cones, in the order of their numbers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Few {
     spheres: Vec<FewSphere>,
-    /// Their centres and radii as columns, with zeros after them.
-    centers: [[f64; FEW]; 3],
-    radii: [f64; FEW],
+    /// Their centres and radii as columns, with zeros after them up to whole lanes.
+    centers: [Vec<f64>; 3],
+    radii: Vec<f64>,
 }
 
 /// A sphere, the sides it can be hit from, and its number.
@@ -63,7 +66,7 @@ pub(crate) struct EachOfFew<'a, Q: OfFew> {
     pub(crate) places: &'a mut [Q::Answer],
 }
 
-/// The same, block by block, each against the spheres that a cone round it may meet.
+/// The same, block by block, each against the spheres that a cone round it may meet, up to one that may meet too many.
 pub(crate) struct BlocksOfFew<'a, Q: OfFew> {
     pub(crate) each: EachOfFew<'a, Q>,
     pub(crate) trial: &'a mut Trial,
@@ -72,6 +75,8 @@ pub(crate) struct BlocksOfFew<'a, Q: OfFew> {
 /// What was done for blocks of rays.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Done {
+    /// How many rays were answered.
+    pub(crate) rays: usize,
     /// How many rays had a cone that was worth it.
     pub(crate) in_cones: u64,
     /// How many tests of a ray against a sphere there were.
@@ -84,10 +89,10 @@ pub(crate) const BLOCK: usize = 256;
 const CONE_COST: u64 = 5;
 
 impl<const W: usize> Shapes<W> {
-    /// All there is, if that is few spheres: in the order of their numbers.
+    /// All there is, if that is spheres of which few may be left by cones.
     pub(crate) fn few_spheres(&self) -> Few {
         let is_few = self.is_only(PrimitiveKind::Sphere)
-            && self.runs().iter().map(|run| usize::from(run.len)).sum::<usize>() <= FEW;
+            && self.runs().iter().map(|run| usize::from(run.len)).sum::<usize>() <= FEW_IN_CONES;
         if !is_few {
             return Few::default();
         }
@@ -100,20 +105,21 @@ impl<const W: usize> Shapes<W> {
         });
         let mut spheres: Vec<_> = of_run.collect();
         spheres.sort_by_key(|sphere| sphere.number);
-        let (mut centers, mut radii) = ([[0.0; FEW]; 3], [0.0; FEW]);
-        for (i, FewSphere { sphere, .. }) in spheres.iter().enumerate() {
-            for (k, column) in centers.iter_mut().enumerate() {
-                column[i] = sphere.center()[k];
-            }
-            radii[i] = sphere.radius();
-        }
+        let column = |of: &dyn Fn(&Sphere) -> f64| {
+            let mut column: Vec<_> = spheres.iter().map(|few| of(&few.sphere)).collect();
+            column.resize(spheres.len().next_multiple_of(MAX_LANES), 0.0);
+            column
+        };
+        let centers = [0, 1, 2].map(|k| column(&|sphere| sphere.center()[k]));
+        let radii = column(&|sphere| sphere.radius());
         Few { spheres, centers, radii }
     }
 }
 
 impl Few {
-    pub(crate) fn is_empty(&self) -> bool {
-        self.spheres.is_empty()
+    /// Whether every ray is tested against each, and none goes through the tree.
+    pub(crate) fn replace_tree(&self) -> bool {
+        (1..=FEW).contains(&self.len())
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -121,27 +127,28 @@ impl Few {
     }
 
     /// Whether cones can be worth it: they cost more than one sphere.
-    pub(crate) fn suits_cones(&self) -> bool {
+    pub(crate) fn suit_cones(&self) -> bool {
         4 * self.len() as u64 > 2 * CONE_COST
     }
 
     /// All spheres, as bits.
-    fn all(&self) -> u32 {
-        (1 << self.len()) - 1
+    fn all(&self) -> u64 {
+        u64::MAX >> (FEW_IN_CONES - self.len())
     }
 
     /// The spheres, as bits, that some rays may meet, by a cone round them.
     #[inline(always)]
-    fn may_be_met<S: Simd>(&self, simd: S, columns: &RayColumns<'_>, range: Range<usize>) -> u32 {
+    fn may_be_met<S: Simd>(&self, simd: S, columns: &RayColumns<'_>, range: Range<usize>) -> u64 {
         let Some(cone) = Cone::around(simd, columns, range, 1.0) else { return self.all() };
         let mut met = 0;
-        for first in (0..FEW).step_by(S::F64::LANES) {
+        for first in (0..self.len()).step_by(S::F64::LANES) {
             let centers = [
                 simd.load_f64(&self.centers[0][first..]),
                 simd.load_f64(&self.centers[1][first..]),
                 simd.load_f64(&self.centers[2][first..]),
             ];
-            met |= cone.may_meet(simd, centers, simd.load_f64(&self.radii[first..]), 1.0) << first;
+            let radii = simd.load_f64(&self.radii[first..]);
+            met |= u64::from(cone.may_meet(simd, centers, radii, 1.0)) << first;
         }
         met & self.all()
     }
@@ -164,19 +171,28 @@ impl<S: Simd, Q: OfFew> Part<S> for BlocksOfFew<'_, Q> {
     fn run(self, simd: S) -> Done {
         let Self { each: EachOfFew { few, question, columns, range, places }, trial } = self;
         let mut done = Done::default();
-        let Range { mut start, end } = range;
-        while start < end {
-            let block = start..end.min(start + BLOCK);
-            start = block.end;
-            let rays = block.len() as u64;
+        for start in range.clone().step_by(BLOCK) {
+            let block = start..range.end.min(start + BLOCK);
+            let rays = block.len();
             let mut met = few.all();
-            if trial.is_due() {
+            let (mut saved, n) = (0, few.len() as u64);
+            if rays >= S::F64::LANES && trial.is_due() {
                 met = few.may_be_met(simd, &columns, block.clone());
-                let missed = few.len() as u64 - u64::from(met.count_ones());
-                trial.end(CONE_COST, 4 * missed);
-                done.in_cones += if 4 * missed >= CONE_COST { rays } else { 0 };
+                let left = u64::from(met.count_ones());
+                saved = match (few.replace_tree(), left <= FEW as u64) {
+                    (true, _) => 4 * (n - left),
+                    // A tree takes longer than the tests of few.
+                    (false, true) => 2 * CONE_COST,
+                    (false, false) => 0,
+                };
+                trial.end(CONE_COST, saved);
             }
-            done.tests += rays * u64::from(met.count_ones());
+            if met.count_ones() as usize > FEW {
+                break;
+            }
+            done.rays += rays;
+            done.in_cones += if saved >= CONE_COST { rays as u64 } else { 0 };
+            done.tests += rays as u64 * u64::from(met.count_ones());
             few.ask(simd, met, question, &columns, block, places);
         }
         done
@@ -184,12 +200,12 @@ impl<S: Simd, Q: OfFew> Part<S> for BlocksOfFew<'_, Q> {
 }
 
 impl Few {
-    /// Answers some rays, which meet no spheres but those that are set.
+    /// Answers some rays, which meet no spheres but those that are set, which are few.
     #[inline(always)]
     fn ask<S: Simd, Q: OfFew>(
         &self,
         simd: S,
-        met: u32,
+        met: u64,
         question: Q,
         columns: &RayColumns<'_>,
         range: Range<usize>,
@@ -199,10 +215,11 @@ impl Few {
         let Range { start: mut first, end } = range;
         assert!(end <= columns.len() && end <= places.len(), "there are these rays");
         let mut which = [0; FEW];
-        let mut n = 0;
-        for i in 0..self.spheres.len() {
-            which[n] = i;
-            n += (met >> i & 1) as usize;
+        let n = met.count_ones() as usize;
+        let mut left = met;
+        for place in &mut which[..n] {
+            *place = left.trailing_zeros() as usize;
+            left &= left - 1;
         }
         let which = &which[..n];
         let zero = simd.splat_f64(0.0);

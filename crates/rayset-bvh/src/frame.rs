@@ -3,6 +3,10 @@
 use rayset_geometry::BoundingBox;
 use rayset_geometry::glam::DVec3;
 
+/// What is smaller is culled as if it were as large: squares that underflow displace a hit by up to `2^-537`, which is
+/// far below the margins only above that; see `docs/numerics.md`.
+const LEAST_HALF: f64 = f64::from_bits((1023 - 480) << 52);
+
 /// World space to culling space: `x' = (x - center) scale`, the scale a power of two.
 ///
 /// Everything that can be hit has coordinates of at most 1 there, so single precision neither overflows nor
@@ -39,7 +43,7 @@ impl Frame {
         }
         let half = 0.5 * bounds.diagonal().max_element();
         // The next power of two, so that scaling rounds nothing; kept in the range where its inverse is finite.
-        let exponent = (half.max(f64::MIN_POSITIVE).to_bits() >> 52).clamp(1, 2044);
+        let exponent = (half.max(LEAST_HALF).to_bits() >> 52).min(2044);
         let scale = f64::from_bits((2045 - exponent) << 52);
         let center = bounds.center();
         Self { center, scale, remoteness: center.abs().max_element() * scale }
@@ -85,7 +89,7 @@ mod tests {
             let bounds = BoundingBox { min: DVec3::splat(-size), max: DVec3::splat(size) };
             let frame = Frame::of(&bounds);
             let half = size * frame.scale;
-            assert!((0.25..=1.0).contains(&half) || size < 1e-290, "{size:e}: {half}");
+            assert!((0.25..=1.0).contains(&half) || size < LEAST_HALF, "{size:e}: {half}");
             let culled = frame.cull_box(&bounds);
             assert!(culled.high[0] <= 1.000_001 && f64::from(culled.high[0]) >= half);
         }

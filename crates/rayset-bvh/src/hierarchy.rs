@@ -107,17 +107,17 @@ impl Hierarchy {
     #[must_use]
     pub fn suits_bundles(&self) -> bool {
         let few = self.few();
-        few.is_empty() || few.suits_cones()
+        !few.replace_tree() || few.suit_cones()
     }
 
     /// How many rays of a list go together at most: [`Hierarchy::nearest_bundle`] and [`Hierarchy::occluded_bundle`] do the
     /// same work for a list as for its parts of this length.
     #[must_use]
     pub fn tile_len(&self) -> usize {
-        if self.few().is_empty() { self.lanes() * self.lanes() } else { BLOCK }
+        if self.few().suit_cones() { BLOCK } else { self.lanes() * self.lanes() }
     }
 
-    /// All there is, if that is few spheres and no tree.
+    /// All there is, if that is few spheres.
     pub(crate) fn few(&self) -> &Few {
         match &self.width {
             Width::Eight(wide) => &wide.few,
