@@ -59,10 +59,12 @@ impl IntersectionStrategy for Auto<'_> {
 
     fn begin_sweep(&self, recording: Recording) -> Box<dyn Tracer + '_> {
         let (hierarchy, objects) = self.bundle.parts();
+        if !hierarchy.suits_bundles() {
+            return Box::new(HierarchicalTracer::new(hierarchy, objects, recording));
+        }
         Box::new(AutoTracer {
             bundle: BundleTracer::new(hierarchy, objects, recording),
             single: HierarchicalTracer::new(hierarchy, objects, recording),
-            may_bundle: hierarchy.suits_bundles(),
             choices: [Choice::default(); 2 * DEPTHS],
             alone: ByKind::default(),
             stats: Stats::default(),
@@ -110,8 +112,6 @@ impl Choice {
 struct AutoTracer<'s> {
     bundle: BundleTracer<'s>,
     single: HierarchicalTracer<'s>,
-    /// Whether there is anything to go through together.
-    may_bundle: bool,
     /// By depth, for rays that ask for the nearest hit; then for shadow rays.
     choices: [Choice; 2 * DEPTHS],
     /// Rays that were not given to bundles.
@@ -133,7 +133,7 @@ impl AutoTracer<'_> {
     fn choose(&mut self, rays: &Generation, kind: usize) -> (bool, usize) {
         let depth = rays.slots().first().map_or(1, |slot| slot.depth() as usize);
         let choice = kind * DEPTHS + (depth - 1).min(DEPTHS - 1);
-        (self.may_bundle && self.choices[choice].is_bundled(), choice)
+        (self.choices[choice].is_bundled(), choice)
     }
 
     /// Both tracers' counts.
