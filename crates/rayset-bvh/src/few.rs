@@ -19,8 +19,9 @@ use crate::shapes::Shapes;
 
 /// How many spheres are few.
 const FEW: usize = 8;
-/// How many spheres may be few after a cone was asked about all. (With 128, light rays took a fifth longer.)
-const FEW_IN_CONES: usize = 64;
+/// How many spheres may be few after a cone was asked about all: as many as a set has bits. (With 128, light rays took a
+/// fifth longer.)
+const FEW_IN_CONES: usize = u64::BITS as usize;
 
 /// All spheres of a hierarchy that are few, or may be few in cones, in the order of their numbers.
 #[derive(Clone, Debug, Default)]
