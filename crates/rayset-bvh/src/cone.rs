@@ -16,7 +16,8 @@ use crate::columns::RayColumns;
 pub const CONE_MARGIN: f64 = 1.0 / (1_u64 << 46) as f64;
 /// How far the cosine of a cone's angle may be off.
 pub const COSINE_MARGIN: f64 = 1.0 / (1_u64 << 48) as f64;
-/// No distances are held to add up to less, in world units: where squares underflow, hits are displaced by up to 2^-537.
+/// What is added to the distances that the margin is relative to, in world units: where squares underflow, hits are
+/// displaced by up to 2^-537, however small the scene.
 const LEAST_SIZE: f64 = f64::from_bits((1023 - 480) << 52);
 /// The least cosine of a cone that is worth asking: of 60 degrees.
 const LEAST_COSINE: f64 = 0.5;
