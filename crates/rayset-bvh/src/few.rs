@@ -2,12 +2,13 @@
 //!
 //! As many rays at a time as there are lanes of double precision, each sphere in turn: exact at once.
 //! (With eight spheres, culling the one leaf there is and deciding afterwards took three times as long.)
-//! In bundles, a cone round a block of rays shows which spheres none of them can meet; and of some more spheres, whether
-//! those that are left are few.
+//! In bundles, a cone round a block of rays shows which spheres none of them can meet; and of some hundred spheres, by
+//! balls that hold neighbours, whether those that are left are few.
 
 use std::ops::Range;
 
-use rayset_geometry::{PrimitiveKind, RayLanes, Sides, Sphere};
+use rayset_geometry::glam::DVec3;
+use rayset_geometry::{BoundingSphere, Primitive, PrimitiveKind, RayLanes, Sides, Sphere, enclosing_sphere};
 use rayset_simd::{LaneMask, Lanes, MAX_LANES, Part, Simd};
 
 use crate::Hit;
@@ -19,17 +20,35 @@ use crate::shapes::Shapes;
 
 /// How many spheres are few.
 const FEW: usize = 8;
-/// How many spheres may be few after a cone was asked about all: as many as a set has bits. (With 128, light rays took a
-/// fifth longer.)
-const FEW_IN_CONES: usize = u64::BITS as usize;
+/// Of how many spheres cones may leave few. (Of 1024 cones leave few for initial
+/// rays only, and what they cost the others takes back what these gain.)
+const FEW_IN_CONES: usize = 512;
+/// How many spheres a group has, but for the last.
+const GROUP: usize = 8;
 
-/// All spheres of a hierarchy that are few, or may be few in cones, in the order of their numbers.
+/// All spheres of a hierarchy that are few, or may be few in cones.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Few {
+    /// In the order of their numbers if they are few, else in that of the leaves, so that neighbours form groups.
     spheres: Vec<FewSphere>,
-    /// Their centres and radii as columns, with zeros after them up to whole lanes.
+    columns: Balls,
+    /// The balls that hold a group of spheres each.
+    groups: Balls,
+}
+
+/// Balls as columns, with zeros after them up to whole groups.
+#[derive(Clone, Debug, Default)]
+struct Balls {
     centers: [Vec<f64>; 3],
     radii: Vec<f64>,
+    len: usize,
+}
+
+/// Few spheres, by their places.
+#[derive(Clone, Copy, Debug)]
+struct Chosen {
+    places: [usize; FEW],
+    len: usize,
 }
 
 /// A sphere, the sides it can be hit from, and its number.
@@ -90,7 +109,7 @@ pub(crate) const BLOCK: usize = 256;
 const CONE_COST: u64 = 5;
 
 impl<const W: usize> Shapes<W> {
-    /// All there is, if that is spheres of which few may be left by cones.
+    /// All there is, if that is spheres of which cones may leave few.
     pub(crate) fn few_spheres(&self) -> Few {
         let is_few = self.is_only(PrimitiveKind::Sphere)
             && self.runs().iter().map(|run| usize::from(run.len)).sum::<usize>() <= FEW_IN_CONES;
@@ -105,15 +124,48 @@ impl<const W: usize> Shapes<W> {
             })
         });
         let mut spheres: Vec<_> = of_run.collect();
-        spheres.sort_by_key(|sphere| sphere.number);
-        let column = |of: &dyn Fn(&Sphere) -> f64| {
-            let mut column: Vec<_> = spheres.iter().map(|few| of(&few.sphere)).collect();
-            column.resize(spheres.len().next_multiple_of(MAX_LANES), 0.0);
+        if spheres.len() <= FEW {
+            spheres.sort_by_key(|sphere| sphere.number);
+        }
+        let balls: Vec<_> = spheres.iter().map(|few| few.sphere.bounding_sphere()).collect();
+        let groups: Vec<_> = balls.chunks(GROUP).map(ball_around).collect();
+        Few { spheres, columns: Balls::of(&balls), groups: Balls::of(&groups) }
+    }
+}
+
+/// A ball that holds some; all space, where squares overflow.
+fn ball_around(balls: &[BoundingSphere]) -> BoundingSphere {
+    let spheres = balls.iter().map(|ball| Primitive::from(Sphere::new(ball.center, ball.radius)));
+    let ball = enclosing_sphere(&spheres.collect::<Vec<_>>());
+    let is_finite = ball.center.is_finite() && ball.radius.is_finite();
+    if is_finite { ball } else { BoundingSphere { center: DVec3::ZERO, radius: f64::INFINITY } }
+}
+
+impl Balls {
+    fn of(balls: &[BoundingSphere]) -> Self {
+        let column = |of: &dyn Fn(&BoundingSphere) -> f64| {
+            let mut column: Vec<_> = balls.iter().map(of).collect();
+            column.resize(balls.len().next_multiple_of(GROUP), 0.0);
             column
         };
-        let centers = [0, 1, 2].map(|k| column(&|sphere| sphere.center()[k]));
-        let radii = column(&|sphere| sphere.radius());
-        Few { spheres, centers, radii }
+        let centers = [0, 1, 2].map(|k| column(&|ball| ball.center[k]));
+        Self { centers, radii: column(&|ball| ball.radius), len: balls.len() }
+    }
+
+    /// Those of a group of balls, as bits, that some rays may meet.
+    #[inline(always)]
+    fn may_be_met<S: Simd>(&self, simd: S, cone: &Cone, first: usize) -> u32 {
+        let mut met = 0;
+        for lane in (0..GROUP).step_by(S::F64::LANES) {
+            let at = first + lane;
+            let centers = [
+                simd.load_f64(&self.centers[0][at..]),
+                simd.load_f64(&self.centers[1][at..]),
+                simd.load_f64(&self.centers[2][at..]),
+            ];
+            met |= cone.may_meet(simd, centers, simd.load_f64(&self.radii[at..]), 1.0) << lane;
+        }
+        met & (u32::MAX >> (32 - (self.len - first).min(GROUP)))
     }
 }
 
@@ -132,26 +184,40 @@ impl Few {
         4 * self.len() as u64 > 2 * CONE_COST
     }
 
-    /// All spheres, as bits.
-    fn all(&self) -> u64 {
-        u64::MAX >> (FEW_IN_CONES - self.len())
+    /// All spheres, which are few.
+    fn all(&self) -> Chosen {
+        Chosen { places: std::array::from_fn(|place| place), len: self.len() }
     }
 
-    /// The spheres, as bits, that some rays may meet, by a cone round them.
+    /// The spheres that some rays may meet, by a cone round them, if they are few.
     #[inline(always)]
-    fn may_be_met<S: Simd>(&self, simd: S, columns: &RayColumns<'_>, range: Range<usize>) -> u64 {
-        let Some(cone) = Cone::around(simd, columns, range, 1.0) else { return self.all() };
-        let mut met = 0;
-        for first in (0..self.len()).step_by(S::F64::LANES) {
-            let centers = [
-                simd.load_f64(&self.centers[0][first..]),
-                simd.load_f64(&self.centers[1][first..]),
-                simd.load_f64(&self.centers[2][first..]),
-            ];
-            let radii = simd.load_f64(&self.radii[first..]);
-            met |= u64::from(cone.may_meet(simd, centers, radii, 1.0)) << first;
+    fn may_be_met<S: Simd>(&self, simd: S, columns: &RayColumns<'_>, range: Range<usize>) -> Option<Chosen> {
+        let Some(cone) = Cone::around(simd, columns, range, 1.0) else {
+            return self.replace_tree().then(|| self.all());
+        };
+        let mut chosen = Chosen { places: [0; FEW], len: 0 };
+        for first in (0..self.groups.len).step_by(GROUP) {
+            let is_only_group = self.groups.len == 1;
+            let mut groups = if is_only_group { 1 } else { self.groups.may_be_met(simd, &cone, first) };
+            while groups != 0 {
+                let group = GROUP * (first + groups.trailing_zeros() as usize);
+                groups &= groups - 1;
+                let mut spheres = self.columns.may_be_met(simd, &cone, group);
+                if chosen.len + spheres.count_ones() as usize > FEW {
+                    return None;
+                }
+                while spheres != 0 {
+                    chosen.places[chosen.len] = group + spheres.trailing_zeros() as usize;
+                    chosen.len += 1;
+                    spheres &= spheres - 1;
+                }
+            }
         }
-        met & self.all()
+        if !self.replace_tree() {
+            let number = |&place: &usize| self.spheres[place].number;
+            chosen.places[..chosen.len].sort_unstable_by_key(number);
+        }
+        Some(chosen)
     }
 }
 
@@ -175,38 +241,35 @@ impl<S: Simd, Q: OfFew> Part<S> for BlocksOfFew<'_, Q> {
         for start in range.clone().step_by(BLOCK) {
             let block = start..range.end.min(start + BLOCK);
             let rays = block.len();
-            let mut met = few.all();
-            let (mut saved, n) = (0, few.len() as u64);
+            let mut chosen = few.replace_tree().then(|| few.all());
+            let mut saved = 0;
             if rays >= S::F64::LANES && trial.is_due() {
-                met = few.may_be_met(simd, &columns, block.clone());
-                let left = u64::from(met.count_ones());
-                saved = match (few.replace_tree(), left <= FEW as u64) {
-                    (true, _) => 4 * (n - left),
+                chosen = few.may_be_met(simd, &columns, block.clone());
+                saved = match (&chosen, few.replace_tree()) {
+                    (None, _) => 0,
+                    (Some(chosen), true) => 4 * (few.len() - chosen.len) as u64,
                     // A tree takes longer than the tests of few.
-                    (false, true) => 2 * CONE_COST,
-                    (false, false) => 0,
+                    (Some(_), false) => 2 * CONE_COST,
                 };
                 trial.end(CONE_COST, saved);
             }
-            if met.count_ones() as usize > FEW {
-                break;
-            }
+            let Some(chosen) = chosen else { break };
             done.rays += rays;
             done.in_cones += if saved >= CONE_COST { rays as u64 } else { 0 };
-            done.tests += rays as u64 * u64::from(met.count_ones());
-            few.ask(simd, met, question, &columns, block, places);
+            done.tests += (rays * chosen.len) as u64;
+            few.ask(simd, chosen, question, &columns, block, places);
         }
         done
     }
 }
 
 impl Few {
-    /// Answers some rays, which meet no spheres but those that are set, which are few.
+    /// Answers some rays, which meet no spheres but the chosen.
     #[inline(always)]
     fn ask<S: Simd, Q: OfFew>(
         &self,
         simd: S,
-        met: u64,
+        chosen: Chosen,
         question: Q,
         columns: &RayColumns<'_>,
         range: Range<usize>,
@@ -215,14 +278,7 @@ impl Few {
         let lanes = S::F64::LANES;
         let Range { start: mut first, end } = range;
         assert!(end <= columns.len() && end <= places.len(), "there are these rays");
-        let mut which = [0; FEW];
-        let n = met.count_ones() as usize;
-        let mut left = met;
-        for place in &mut which[..n] {
-            *place = left.trailing_zeros() as usize;
-            left &= left - 1;
-        }
-        let which = &which[..n];
+        let chosen = &chosen.places[..chosen.len];
         let zero = simd.splat_f64(0.0);
         while first < end && first + lanes <= columns.len() {
             let mut rays = RayLanes { origin: [zero; 3], direction: [zero; 3] };
@@ -235,8 +291,8 @@ impl Few {
             let span = [zero.select(start.lt(zero), start), simd.load_f64(&columns.spans.1[first..])];
             let left = LeftBy::of(columns, first, lanes);
             let mut known = question.nothing(simd);
-            for &i in which {
-                let FewSphere { sphere, sides, number } = &self.spheres[i];
+            for &place in chosen {
+                let FewSphere { sphere, sides, number } = &self.spheres[place];
                 let (leaving, outwards) = left.by(simd, *number);
                 let front = if *sides == Sides::Back { 0 } else { !leaving };
                 let back = if *sides == Sides::Front { 0 } else { !outwards };
@@ -257,7 +313,8 @@ impl Few {
         for (i, place) in (first..end).zip(&mut places[first..]) {
             let (ray, span) = columns.ray(i);
             let left = columns.left(i);
-            *place = question.one(self.spheres.iter().filter_map(|FewSphere { sphere, sides, number }| {
+            let spheres = chosen.iter().map(|&place| &self.spheres[place]);
+            *place = question.one(spheres.filter_map(|FewSphere { sphere, sides, number }| {
                 let departure = left.filter(|left| left.0 == *number).map(|left| left.1);
                 let t = sphere.intersect(&ray, span, *sides, departure)?;
                 Some(Hit { t, primitive: *number })
@@ -395,5 +452,40 @@ impl OfFew for AnyHit {
 
     fn one(self, mut hits: impl Iterator<Item = Hit>) -> bool {
         hits.next().is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Up to what cones add to distances anyhow, 2^-526.
+    #[test]
+    fn a_ball_holds_its_group() {
+        let alike = [1.0, 1e-3, 1e150, 1e-155, 1e-161, 1e-200, 1e200].map(|scale| (scale, scale));
+        for (apart, wide) in alike.into_iter().chain([(1e-170, 1.0), (1e-320, 1.0), (1.0, 0.0), (1.0, 1e-9)])
+        {
+            let scale = f64::max(apart, wide);
+            for seed in 0..200_u32 {
+                let at = |i: u32, k: f64| (f64::from(1 + seed * 32 + i) * k).fract() - 0.5;
+                let n = 1 + seed % 8;
+                let balls: Vec<_> = (0..n)
+                    .map(|i| BoundingSphere {
+                        center: apart
+                            * DVec3::new(at(i, 0.618_033_9), at(i, 0.754_877_7), at(i, 0.569_840_3)),
+                        radius: wide * (at(i, 0.819_172_5) + 0.5),
+                    })
+                    .collect();
+                let held = ball_around(&balls);
+                for ball in &balls {
+                    let to = (ball.center - held.center) / scale;
+                    let reach = to.length() + ball.radius / scale;
+                    assert!(
+                        reach <= (held.radius + 2e-159) / scale,
+                        "{scale:e}, {seed}: {ball:?} in {held:?}"
+                    );
+                }
+            }
+        }
     }
 }

@@ -275,6 +275,22 @@ fn rays_of_one_eye_are_answered_together() {
     }
 }
 
+/// They are met in the order of the leaves, whatever their numbers are.
+#[test]
+fn of_equally_near_spheres_that_a_cone_leaves_the_first_is_hit() {
+    for order in [[(5.0, 1.0), (6.0, 2.0)], [(6.0, 2.0), (5.0, 1.0)]] {
+        let near = order.map(|(z, radius)| Sphere::new(dvec3(0.0, 0.0, z), radius));
+        let far = (0..40).map(|i| Sphere::new(dvec3(100.0 + 5.0 * f64::from(i), 0.0, 0.0), 1.0));
+        let spheres: Vec<_> =
+            near.into_iter().chain(far).map(|sphere| (Primitive::from(sphere), Sides::Both)).collect();
+        let mut list = List::default();
+        for _ in 0..256 {
+            list.push(&Ray::new(dvec3(0.0, 0.0, 0.0), dvec3(0.0, 0.0, 1.0)), Span::FORWARD, None);
+        }
+        assert!(check(&spheres, &list) > 0);
+    }
+}
+
 /// Few spheres have no tree: blocks of rays have a cone round them, which shows most spheres to be missed.
 #[test]
 fn rays_among_few_spheres_are_answered_together() {
@@ -284,11 +300,13 @@ fn rays_among_few_spheres_are_answered_together() {
         let (scale, is_plain) =
             [(1.0, true), (1.3e154, false), (1e-200, false), (3e-161, false)][seed as usize % 4];
         let way = seed / 4 % 4;
-        // Up to eight are tested by all; of more, cones leave few, or not.
-        let n = [3, 4, 6, 8, 9, 20, 42, 64][seed as usize / 16];
+        // Up to eight are tested by all; of more, cones leave few, or not; of more than 64, groups have several groups.
+        let (n, radius) =
+            [(3, 0.0), (4, 0.0), (6, 0.0), (8, 0.0), (9, 0.264), (20, 0.22), (64, 0.044), (500, 0.02)]
+                [seed as usize / 16];
         let at = |i: u32, k: f64| 2.0 * (f64::from(1 + seed * 72 + i) * k).fract() - 1.0;
         let point = |i: u32| dvec3(at(i, 0.618_033_9), at(i, 0.754_877_7), at(i, 0.569_840_3));
-        let radius = if n <= 8 { 0.1 + 0.1 * f64::from(seed % 5) } else { 0.3 - 0.004 * f64::from(n) };
+        let radius = if n <= 8 { 0.1 + 0.1 * f64::from(seed % 5) } else { radius };
         let spheres: Vec<_> = (0..n)
             .map(|i| (Primitive::from(Sphere::new(scale * point(i), scale * radius)), Sides::Both))
             .collect();
