@@ -4,19 +4,22 @@
 //! the boxes on its way would have taken without it, and the next few are not even tried, the more of them the more often
 //! that happens. What was found until then stays, since every hit is an upper bound.
 
+use std::marker::PhantomData;
 use std::ops::Range;
 
-use rayset_simd::Simd;
+use rayset_simd::{Part, Simd};
 
-use crate::columns::{HitOrNone, RayColumns};
+use crate::blockers::Blockers;
+use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::descent::{Descent, OfPacket, OfTile};
 use crate::each::{AnyHit, NearestHit, OfRay, Rays};
-use crate::exact::Exact;
+use crate::exact::{Departing, Exact};
 use crate::few::{BLOCK, BlocksOfFew, EachOfFew, OfFew};
 use crate::frame::Frame;
 use crate::hierarchy::{Hierarchy, Scratch, Task, Wide};
 use crate::packet::{Approach, Packet, level};
 use crate::shaft::Shaft;
+use crate::shapes::Shapes;
 use crate::together::{Hidden, Nearest, Question};
 
 /// What it costs to make a packet, in steps.
@@ -45,6 +48,7 @@ struct Class {
     cones: Trial,
     tiles: Trial,
     packets: Trial,
+    blockers: Blockers,
     /// Steps and number of the rays traced alone.
     alone: (u64, u64),
 }
@@ -71,12 +75,14 @@ pub struct Bundled {
     pub tiles: u64,
     /// In packets.
     pub packets: u64,
+    /// By what blocked a ray before them.
+    pub blockers: u64,
     /// One by one.
     pub alone: u64,
 }
 
 impl Trial {
-    const NEW: Self = Self { wait: 1, next_wait: 1, spent: 0, saved: 0 };
+    pub(crate) const NEW: Self = Self { wait: 1, next_wait: 1, spent: 0, saved: 0 };
 
     /// Whether to try the next.
     pub(crate) fn is_due(&mut self) -> bool {
@@ -106,6 +112,14 @@ impl Trial {
 }
 
 impl Class {
+    const NEW: Self = Self {
+        cones: Trial::NEW,
+        tiles: Trial::NEW,
+        packets: Trial::NEW,
+        blockers: Blockers::NEW,
+        alone: (0, 0),
+    };
+
     /// How many steps some rays would take alone.
     fn steps(&self, rays: usize) -> u64 {
         let (steps, alone) = self.alone;
@@ -122,6 +136,17 @@ impl Class {
     }
 }
 
+impl BundleScratch {
+    /// Counts the rays of a class that blockers of others have answered, and remembers a blocker; how many that are.
+    fn count_blocked(&mut self, class: usize, (blocked, record): (u64, Option<u32>)) -> u64 {
+        if let Some(record) = record {
+            self.classes[class].blockers.remember(record);
+        }
+        self.bundled.blockers += blocked;
+        blocked
+    }
+}
+
 impl Hierarchy {
     /// What the methods for lists need to keep between calls.
     #[must_use]
@@ -129,8 +154,7 @@ impl Hierarchy {
         BundleScratch {
             single: self.scratch(),
             bundled: Bundled::default(),
-            classes: [Class { cones: Trial::NEW, tiles: Trial::NEW, packets: Trial::NEW, alone: (0, 0) };
-                N_CLASSES],
+            classes: [Class::NEW; N_CLASSES],
         }
     }
 
@@ -198,11 +222,22 @@ impl<L: List> Task for OfBundle<'_, L> {
 trait List {
     /// What a packet asks for.
     type Asked<S: Simd, const W: usize>: Question<S, W>;
+    /// Whether any hit is an answer, so that what blocked other rays is asked first.
+    const ANY: bool;
     /// What a ray by itself asks for.
     type OfRay: OfFew + Default;
 
     /// Where the answers go.
     fn places(&mut self) -> &mut [<Self::OfRay as OfRay>::Answer];
+
+    /// A packet begins with what is known of its rays.
+    fn begin<S: Simd, const W: usize>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        packet: &mut Packet<S, W>,
+        asked: &mut Self::Asked<S, W>,
+    );
 
     /// Takes over what a packet has found.
     fn answer<S: Simd, const W: usize>(
@@ -220,9 +255,21 @@ struct NearestHits<'a>(&'a mut [HitOrNone]);
 impl List for NearestHits<'_> {
     type Asked<S: Simd, const W: usize> = Nearest<S>;
     type OfRay = NearestHit;
+    const ANY: bool = false;
 
     fn places(&mut self) -> &mut [HitOrNone] {
         self.0
+    }
+
+    #[inline(always)]
+    fn begin<S: Simd, const W: usize>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        packet: &mut Packet<S, W>,
+        _: &mut Nearest<S>,
+    ) {
+        packet.know(simd, frame, &self.0[packet.first..packet.first + packet.len]);
     }
 
     #[inline(always)]
@@ -233,7 +280,25 @@ impl List for NearestHits<'_> {
         packet: &Packet<S, W>,
         asked: Nearest<S>,
     ) {
-        asked.finish(simd, exact, packet, &mut self.0[packet.first..packet.first + packet.len]);
+        let places = &mut self.0[packet.first..packet.first + packet.len];
+        let mut known = packet.known;
+        if known == 0 {
+            asked.finish(simd, exact, packet, places);
+            return;
+        }
+        let mut before = [HitOrNone::NONE; W];
+        before[..packet.len].copy_from_slice(places);
+        asked.finish(simd, exact, packet, places);
+        // What was found lies before what was known, or about there.
+        while known != 0 {
+            let lane = known.trailing_zeros() as usize % W;
+            known &= known - 1;
+            if let (Some(before), Some(now)) = (before[lane].get(), places[lane].get())
+                && before.precedes(&now)
+            {
+                places[lane] = before.into();
+            }
+        }
     }
 }
 
@@ -242,10 +307,24 @@ struct Occluded<'a>(&'a mut [bool]);
 
 impl List for Occluded<'_> {
     type Asked<S: Simd, const W: usize> = Hidden;
-    type OfRay = AnyHit;
+    type OfRay = AnyHit<true>;
+    const ANY: bool = true;
 
     fn places(&mut self) -> &mut [bool] {
         self.0
+    }
+
+    #[inline(always)]
+    fn begin<S: Simd, const W: usize>(
+        &self,
+        simd: S,
+        _: &Frame,
+        packet: &mut Packet<S, W>,
+        asked: &mut Hidden,
+    ) {
+        let known = &self.0[packet.first..packet.first + packet.len];
+        let lanes = (0..).zip(known).fold(0, |lanes, (lane, &is_hit)| lanes | u32::from(is_hit) << lane);
+        asked.begin(simd, packet, lanes);
     }
 
     #[inline(always)]
@@ -257,8 +336,42 @@ impl List for Occluded<'_> {
         asked: Hidden,
     ) {
         for lane in 0..packet.len {
-            self.0[packet.first + lane] = asked.0 >> lane & 1 == 1;
+            self.0[packet.first + lane] = asked.lanes >> lane & 1 == 1;
         }
+    }
+}
+
+/// Some rays that may leave spheres into their insides.
+struct OwnHits<'a, Q: OfRay, const W: usize> {
+    shapes: &'a Shapes<W>,
+    question: PhantomData<Q>,
+    rays: &'a RayColumns<'a>,
+    first: usize,
+    places: &'a mut [Q::Answer],
+    tests: &'a mut u64,
+}
+
+impl<S: Simd, Q: OfRay, const W: usize> Part<S> for OwnHits<'_, Q, W> {
+    type Output = usize;
+
+    /// Writes what they meet where they leave their spheres; how many do.
+    #[inline(always)]
+    fn run(self, simd: S) -> usize {
+        let Self { shapes, rays, first, places, tests, .. } = self;
+        let (mut hits, mut n) = ([HitOrNone::NONE; W], 0);
+        for (block, places) in places.chunks_mut(W).enumerate() {
+            let first = first + block * W;
+            let left = rays.left_by(first..first + places.len());
+            let departing = Departing { rays: *rays, first, left };
+            let mut met = shapes.meet_own(simd, &departing, u32::MAX, &mut hits, tests);
+            n += met.count_ones() as usize;
+            while met != 0 {
+                let lane = met.trailing_zeros() as usize % W;
+                met &= met - 1;
+                places[lane] = Q::by_hit(hits[lane]);
+            }
+        }
+        n
     }
 }
 
@@ -282,7 +395,7 @@ impl<const W: usize> Wide<W> {
         let Range { start: mut first, end } = range;
         if !self.few.suit_cones() {
             if self.few.replace_tree() {
-                self.alone::<S, L, false>(simd, frame, rays, first..end, class, &mut list, scratch);
+                self.alone(simd, frame, rays, first..end, false, class, &mut list, scratch);
             } else {
                 self.tiles(simd, frame, rays, first..end, class, &mut list, scratch);
             }
@@ -337,37 +450,78 @@ impl<const W: usize> Wide<W> {
         let mut first = range.start;
         while first < range.end {
             let len = (range.end - first).min(W * W);
+            let place = (first, len);
+            first += len;
+            let met = self.own_hits(simd, rays, place, list, scratch);
+            if L::ANY && met == Some(len) {
+                scratch.bundled.alone += len as u64;
+                continue;
+            }
+            let is_known = met.is_some();
             let known = &mut scratch.classes[class];
             let packets = len.div_ceil(W);
             if suits && len > W && known.wants_tile() {
-                self.tile(simd, frame, rays, first, len, class, list, scratch);
+                self.tile(simd, frame, rays, place, is_known, class, list, scratch);
             } else if suits && len >= LEAST_PACKET && known.packets.wait <= packets {
-                self.packets(simd, frame, rays, first, len, class, list, scratch);
+                self.packets(simd, frame, rays, place, is_known, class, list, scratch);
             } else {
                 known.packets.wait = known.packets.wait.saturating_sub(packets).max(1);
-                self.alone::<S, L, false>(simd, frame, rays, first..first + len, class, list, scratch);
+                let range = place.0..place.0 + len;
+                self.alone(simd, frame, rays, range, is_known, class, list, scratch);
             }
-            first += len;
         }
     }
 
-    /// Rays one by one.
+    /// Some rays of a list that leave spheres into their insides meet these again: how many do; `None` if there are no such
+    /// spheres, or the rays leave nothing.
+    #[inline(always)]
+    fn own_hits<S: Simd, L: List>(
+        &self,
+        simd: S,
+        rays: &RayColumns<'_>,
+        (first, len): (usize, usize),
+        list: &mut L,
+        scratch: &mut BundleScratch,
+    ) -> Option<usize> {
+        let left = rays.left_by(first..first + len);
+        if left.is_empty() || !self.shapes.can_meet_own() || Left::all_outwards(left) {
+            return None;
+        }
+        let question = PhantomData::<L::OfRay>;
+        let places = &mut list.places()[first..first + len];
+        let tests = &mut scratch.single.primitive_tests;
+        Some(simd.outline(OwnHits { shapes: &self.shapes, question, rays, first, places, tests }))
+    }
+
+    /// Rays one by one; something may be known of them.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "as above")]
-    fn alone<S: Simd, L: List, const KNOWN: bool>(
+    fn alone<S: Simd, L: List>(
         &self,
         simd: S,
         frame: &Frame,
         rays: &RayColumns<'_>,
         range: Range<usize>,
+        is_known: bool,
         class: usize,
         list: &mut L,
         scratch: &mut BundleScratch,
     ) {
         let n = range.len() as u64;
         let before = scratch.single.steps;
-        let rays = Rays::<_, KNOWN> { columns: rays, range, places: list.places() };
-        self.each(simd, frame, L::OfRay::default(), rays, &mut scratch.single);
+        let known = &mut scratch.classes[class];
+        known.blockers.steps = known.steps(1);
+        let shared = Some(&mut known.blockers);
+        let (question, places) = (L::OfRay::default(), list.places());
+        if is_known {
+            let rays = Rays::<_, true> { columns: rays, range, places, shared };
+            self.each(simd, frame, question, rays, &mut scratch.single);
+        } else {
+            let rays = Rays::<_, false> { columns: rays, range, places, shared };
+            self.each(simd, frame, question, rays, &mut scratch.single);
+        }
+        let answered = std::mem::take(&mut scratch.classes[class].blockers.answered);
+        let n = n - scratch.count_blocked(class, (answered, None));
         let after = scratch.single.steps;
         let (steps, alone) = &mut scratch.classes[class].alone;
         *steps += after.nodes + after.leaves - before.nodes - before.leaves;
@@ -383,8 +537,8 @@ impl<const W: usize> Wide<W> {
         simd: S,
         frame: &Frame,
         rays: &RayColumns<'_>,
-        first: usize,
-        len: usize,
+        (first, len): (usize, usize),
+        is_known: bool,
         class: usize,
         list: &mut L,
         scratch: &mut BundleScratch,
@@ -398,16 +552,25 @@ impl<const W: usize> Wide<W> {
         }
         let Some(unit) = level(simd, frame, packets, &approach) else {
             scratch.classes[class].tiles.end(PACKET_STEPS * n as u64, 0);
-            self.alone::<S, L, false>(simd, frame, rays, first..first + len, class, list, scratch);
+            self.alone(simd, frame, rays, first..first + len, is_known, class, list, scratch);
             return;
         };
         let mut asked = [L::Asked::<S, W>::new(simd); W];
+        if is_known {
+            for (packet, asked) in packets.iter_mut().zip(&mut asked) {
+                list.begin(simd, frame, packet, asked);
+            }
+        }
         let exact = Exact { shapes: &self.shapes, frame, rays };
         // Packets have to be made without a tile too.
         let making = PACKET_STEPS * n as u64;
         let (mut is_done, mut spent, mut worth) = (false, making, making);
         if let Some(shaft) = Shaft::around(simd, packets, unit) {
-            let most = scratch.classes[class].steps(len);
+            let known = &mut scratch.classes[class];
+            let most = known.steps(len);
+            if L::ANY {
+                known.blockers.ask_packets(simd, &self.shapes, &shaft, packets, &mut asked);
+            }
             let (packets, asked, scratch) = (&mut *packets, &mut asked[..], &mut scratch.single);
             let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
             let descent = Descent { shaft, packets, asked, tree, exact, most, scratch };
@@ -418,8 +581,8 @@ impl<const W: usize> Wide<W> {
         }
         scratch.classes[class].tiles.end(spent, if is_done { worth } else { 0 });
         if is_done {
-            scratch.bundled.tiles += len as u64;
             for (packet, asked) in packets.iter().zip(asked) {
+                scratch.bundled.tiles += packet.len as u64 - scratch.count_blocked(class, asked.blocked());
                 list.answer(simd, &exact, packet, asked);
             }
             return;
@@ -438,8 +601,8 @@ impl<const W: usize> Wide<W> {
         simd: S,
         frame: &Frame,
         rays: &RayColumns<'_>,
-        first: usize,
-        len: usize,
+        (first, len): (usize, usize),
+        is_known: bool,
         class: usize,
         list: &mut L,
         scratch: &mut BundleScratch,
@@ -461,14 +624,17 @@ impl<const W: usize> Wide<W> {
                 continue;
             };
             if next < first {
-                self.alone::<S, L, false>(simd, frame, rays, next..first, class, list, scratch);
+                self.alone(simd, frame, rays, next..first, is_known, class, list, scratch);
             }
-            let asked = L::Asked::<S, W>::new(simd);
+            let mut asked = L::Asked::<S, W>::new(simd);
+            if is_known {
+                list.begin(simd, frame, &mut packet[0], &mut asked);
+            }
             self.packet(simd, &exact, &mut packet[0], asked, (unit, true), class, list, scratch);
             next = first + len;
         }
         if next < end {
-            self.alone::<S, L, false>(simd, frame, rays, next..end, class, list, scratch);
+            self.alone(simd, frame, rays, next..end, is_known, class, list, scratch);
         }
     }
 
@@ -490,6 +656,11 @@ impl<const W: usize> Wide<W> {
         if is_due {
             let packets = std::slice::from_mut(&mut *packet);
             if let Some(shaft) = Shaft::around(simd, packets, unit) {
+                if L::ANY {
+                    let (blockers, asked) =
+                        (&mut scratch.classes[class].blockers, std::slice::from_mut(&mut asked));
+                    blockers.ask_packets(simd, &self.shapes, &shaft, packets, asked);
+                }
                 let (asked, scratch) = (std::slice::from_mut(&mut asked), &mut scratch.single);
                 let (shaft, tree) = (&shaft, &self.tree);
                 let descent = Descent { shaft, packets, asked, tree, exact, most: u64::MAX, scratch };
@@ -499,12 +670,14 @@ impl<const W: usize> Wide<W> {
             }
             scratch.classes[class].packets.end(spent, if is_done { worth } else { 0 });
         }
+        let blocked = scratch.count_blocked(class, asked.blocked());
         list.answer(simd, exact, packet, asked);
         if is_done {
-            scratch.bundled.packets += packet.len as u64;
+            scratch.bundled.packets += packet.len as u64 - blocked;
         } else {
             let range = packet.first..packet.first + packet.len;
-            self.alone::<S, L, true>(simd, exact.frame, exact.rays, range, class, list, scratch);
+            self.alone(simd, exact.frame, exact.rays, range, true, class, list, scratch);
+            scratch.bundled.alone -= blocked;
         }
     }
 }

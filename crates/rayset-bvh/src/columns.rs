@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Side, Span};
+use rayset_simd::{LaneMask, Simd};
 
 use crate::Hit;
 use crate::hierarchy::ahead;
@@ -66,6 +67,39 @@ impl Left {
     pub(crate) fn split<const W: usize>(left: &[Self; W]) -> ([u32; W], u32) {
         let fronts = (0..).zip(left).fold(0, |fronts, (lane, left)| fronts | (left.0 >> 31) << lane);
         (left.map(|left| left.0 & !Self::FRONT), fronts)
+    }
+
+    /// Whether no ray leaves a primitive into its back.
+    #[inline(always)]
+    pub(crate) fn all_outwards(left: &[Self]) -> bool {
+        left.iter().fold(Self::FRONT, |all, left| all & left.0) != 0
+    }
+
+    /// The primitive, if the ray leaves it into its back.
+    #[inline(always)]
+    pub(crate) fn inwards(self) -> Option<u32> {
+        (self.0 & Self::FRONT == 0).then_some(self.0)
+    }
+
+    /// The lanes of rays that leave a primitive, and those that do so into its front.
+    #[inline(always)]
+    pub(crate) fn lanes_that_leave<S: Simd, const W: usize>(
+        simd: S,
+        left: &[Self],
+        primitive: u32,
+    ) -> (u32, u32) {
+        if left.is_empty() {
+            return (0, 0);
+        }
+        let mut all = [Self::NOTHING; W];
+        match left.get(..W) {
+            Some(left) => all.copy_from_slice(left),
+            None => all[..left.len()].copy_from_slice(left),
+        }
+        let all = all.map(|left| left.0);
+        let lanes = |side| simd.equal_u32(&all, Self::of(primitive, side).0).bits();
+        let (front, back) = (lanes(Side::Front), lanes(Side::Back));
+        (front | back, front)
     }
 
     /// The primitive and the side.

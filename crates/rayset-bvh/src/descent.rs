@@ -85,7 +85,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
     #[inline(always)]
     fn run<const ALONE: bool>(self, simd: S) -> Outcome {
         let Self { shaft, packets, asked, tree, exact, most, scratch } = self;
-        let Scratch { stack, steps, primitive_tests } = scratch;
+        let Scratch { stack, steps, primitive_tests, .. } = scratch;
         let stack = stack.together.as_mut_slice();
         let slabs = packets[0].slabs(simd, shaft.unit);
         let mut progress = Progress::new(simd, shaft, packets);

@@ -3,9 +3,10 @@
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use rayset_geometry::PrimitiveKind;
+use rayset_geometry::{Departure, PrimitiveKind};
 use rayset_simd::{Part, Simd};
 
+use crate::blockers::{Blocked, Blockers};
 use crate::columns::{HitOrNone, RayColumns, RayOf};
 use crate::entrance::{Entered, Entrance};
 use crate::exact::{Departing, Sure};
@@ -24,8 +25,14 @@ pub(crate) trait OfRay: Copy {
     type Found: Copy;
     /// What is found where there is nothing.
     const NOTHING: Self::Found;
+    /// What is found where a primitive is known to block the ray, if that is all that is asked.
+    const BLOCKED: Option<Self::Found>;
     /// What is known of a ray at first.
     const UNKNOWN: Self::Answer;
+    /// What is known of a ray by one hit.
+    fn by_hit(hit: HitOrNone) -> Self::Answer;
+    /// The primitive that is known to be hit.
+    fn primitive(known: Self::Answer) -> Option<u32>;
     /// Whether what is known leaves anything to ask.
     fn is_open(known: Self::Answer) -> bool;
     /// What is found where nothing else is met.
@@ -55,15 +62,26 @@ pub(crate) trait OfRay: Copy {
 /// What is hit first.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct NearestHit;
-/// Whether anything is hit.
+/// Whether anything is hit; what is may be asked about other rays too, if they share it.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct AnyHit;
+pub(crate) struct AnyHit<const SHARED: bool>;
 
 impl OfRay for NearestHit {
     type Answer = HitOrNone;
     type Found = Nearest;
     const NOTHING: Nearest = Nearest::NONE;
+    const BLOCKED: Option<Nearest> = None;
     const UNKNOWN: HitOrNone = HitOrNone::NONE;
+
+    #[inline(always)]
+    fn by_hit(hit: HitOrNone) -> HitOrNone {
+        hit
+    }
+
+    #[inline(always)]
+    fn primitive(known: HitOrNone) -> Option<u32> {
+        known.get().map(|hit| hit.primitive)
+    }
 
     #[inline(always)]
     fn is_open(_: HitOrNone) -> bool {
@@ -119,11 +137,22 @@ impl OfRay for NearestHit {
     }
 }
 
-impl OfRay for AnyHit {
+impl<const SHARED: bool> OfRay for AnyHit<SHARED> {
     type Answer = bool;
     type Found = bool;
     const NOTHING: bool = false;
+    const BLOCKED: Option<bool> = if SHARED { Some(true) } else { None };
     const UNKNOWN: bool = false;
+
+    #[inline(always)]
+    fn by_hit(_: HitOrNone) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn primitive(_: bool) -> Option<u32> {
+        None
+    }
 
     #[inline(always)]
     fn is_open(known: bool) -> bool {
@@ -150,7 +179,7 @@ impl OfRay for AnyHit {
         known: bool,
         scratch: &mut Scratch,
     ) -> bool {
-        known || wide.occluded_of::<S, C>(simd, begin, traced, scratch)
+        known || wide.occluded_of::<S, C, SHARED>(simd, begin, traced, scratch)
     }
 
     #[inline(always)]
@@ -173,6 +202,8 @@ pub(crate) struct Rays<'a, A, const KNOWN: bool> {
     pub(crate) range: Range<usize>,
     /// Where the answer of each ray of the columns goes; what is known of it already stands there, if anything is known.
     pub(crate) places: &'a mut [A],
+    /// Blockers that they share, if they do, where any hit is an answer.
+    pub(crate) shared: Option<&'a mut Blockers>,
 }
 
 /// A loop over rays, for one content: a function of its own, whose registers are not shared with other loops.
@@ -190,41 +221,91 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
 
     #[inline(always)]
     fn run(self, simd: S) {
-        let Self { wide, frame, question, rays: Rays { columns, range, places }, scratch, .. } = self;
+        let Self { wide, frame, question, rays, scratch, .. } = self;
+        let Rays { columns, range, places, mut shared } = rays;
         let columns = columns.cut(0..columns.len());
         let Range { start: mut first, end } = range;
         assert!(end <= columns.len() && end <= places.len(), "there are these rays");
         let (mut prepared, mut entrance) = (CullRays::<W>::NONE, Entrance::<W>::NONE);
-        let mut found = [Q::NOTHING; W];
+        let (mut found, mut known) = ([Q::NOTHING; W], [Q::UNKNOWN; W]);
         while first < end {
             let len = (end - first).min(W);
             prepared.prepare(simd, frame, &columns, (first, len), wide.is_flat::<C>());
             let mut open = prepared.found(len);
             let mut ends = *prepared.ends();
+            let left = columns.left_by(first..first + len);
+            let departing = Departing { rays: columns, first, left };
             if KNOWN {
-                for (lane, &known) in places[first..first + len].iter().enumerate() {
+                known[..len].copy_from_slice(&places[first..first + len]);
+            }
+            let mut met = 0;
+            if C::SPHERES && !KNOWN && wide.shapes.can_meet_own() {
+                let mut hits = [HitOrNone::NONE; W];
+                met = wide.shapes.meet_own(simd, &departing, open, &mut hits, &mut scratch.primitive_tests);
+                let mut lanes = met;
+                while lanes != 0 {
+                    let lane = lanes.trailing_zeros() as usize % W;
+                    lanes &= lanes - 1;
+                    known[lane] = Q::by_hit(hits[lane]);
+                }
+            }
+            if KNOWN || met != 0 {
+                for (lane, &known) in known[..len].iter().enumerate() {
                     open &= !(u32::from(!Q::is_open(known)) << lane);
                     ends[lane] = Q::end(&prepared, lane, known);
                 }
+            }
+            let mut blocked = 0;
+            if Q::BLOCKED.is_some()
+                && let Some(shared) = &mut shared
+            {
+                let tests = &mut scratch.primitive_tests;
+                blocked = shared.ask(simd, &wide.shapes, &prepared, left, open, tests);
+                open &= !blocked;
             }
             if entrance.begin(simd, &wide.tree, &prepared, &ends) {
                 scratch.steps.nodes += u64::from(open.count_ones());
             }
             for (lane, place) in found[..len].iter_mut().enumerate() {
                 let i = first + lane;
-                let known = if KNOWN { places[i] } else { Q::UNKNOWN };
+                let known = if KNOWN || C::SPHERES { known[lane] } else { Q::UNKNOWN };
                 let begin = Entered { entrance: &entrance, ray: lane };
                 *place = match prepared.ray(lane) {
                     Some(cull) if open >> lane & 1 == 1 && entrance.of(lane) != 0 => {
-                        let departure = wide.shapes.departure(columns.left(i));
+                        let mut departure = wide.shapes.departure(columns.left(i));
+                        let own = columns.left.get(i).and_then(|left| left.inwards());
+                        if C::SPHERES && own.is_some() && Q::primitive(known) == own {
+                            // It is known where its own sphere is met, which is not asked again.
+                            departure = departure.map(Departure::met_again);
+                        }
                         let traced = Traced { cull, ray: RayOf { columns: &columns, i }, departure };
-                        question.ask::<S, C, W>(simd, wide, &begin, &traced, known, scratch)
+                        let found = question.ask::<S, C, W>(simd, wide, &begin, &traced, known, scratch);
+                        if Q::BLOCKED.is_some()
+                            && let Some(shared) = &mut shared
+                            && let Some(record) = scratch.blocker.take()
+                        {
+                            let asked = Blocked { shapes: &wide.shapes, rays: &prepared, left, record };
+                            let others = open & !(u32::MAX >> (31 - lane));
+                            let more = shared.offer(simd, asked, others, &mut scratch.primitive_tests);
+                            blocked |= more;
+                            open &= !more;
+                        }
+                        found
                     }
                     _ => Q::keep(known),
                 };
             }
-            let departing = Departing { rays: columns, first, left: columns.left_by(first..first + len) };
+            if let Some(answer) = Q::BLOCKED {
+                while blocked != 0 {
+                    found[blocked.trailing_zeros() as usize % W] = answer;
+                    blocked &= blocked - 1;
+                }
+            }
             question.answer(simd, wide, &departing, &found, &mut places[first..first + len]);
+            while met != 0 {
+                known[met.trailing_zeros() as usize % W] = Q::UNKNOWN;
+                met &= met - 1;
+            }
             first += len;
         }
     }
@@ -242,7 +323,7 @@ impl<const W: usize> Wide<W> {
         scratch: &mut Scratch,
     ) {
         if self.few.replace_tree() {
-            let Rays { columns, range, places } = rays;
+            let Rays { columns, range, places, .. } = rays;
             let columns = columns.cut(0..columns.len());
             let n = range.len() as u64;
             scratch.steps.leaves += n;

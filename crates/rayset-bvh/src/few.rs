@@ -424,7 +424,7 @@ impl OfFew for NearestHit {
     }
 }
 
-impl OfFew for AnyHit {
+impl<const SHARED: bool> OfFew for AnyHit<SHARED> {
     /// The lanes that hit something.
     type Known<S: Simd> = u32;
 

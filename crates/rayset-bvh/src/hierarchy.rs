@@ -4,7 +4,9 @@ use std::hint::black_box;
 use std::marker::PhantomData;
 
 use rayon::prelude::*;
-use rayset_geometry::{BoundingBox, Primitive, PrimitiveColumns, PrimitiveKind, Ray, Side, Sides, Span};
+use rayset_geometry::{
+    BoundingBox, Departure, Primitive, PrimitiveColumns, PrimitiveKind, Ray, Side, Sides, Span,
+};
 use rayset_simd::{Backend, ByLanes, Kernel, Simd, large_page_vec};
 
 use crate::build::{Reference, build};
@@ -43,6 +45,8 @@ pub struct Scratch {
     pub steps: Steps,
     /// How many primitives were tested.
     pub primitive_tests: u64,
+    /// The record of what was found to block a ray, until it is taken.
+    pub(crate) blocker: Option<u32>,
 }
 
 impl Hierarchy {
@@ -132,7 +136,7 @@ impl Hierarchy {
             Width::Eight(wide) => Stack::of(&wide.tree),
             Width::Sixteen(wide) => Stack::of(&wide.tree),
         };
-        Scratch { stack, steps: Steps::default(), primitive_tests: 0 }
+        Scratch { stack, steps: Steps::default(), primitive_tests: 0, blocker: None }
     }
 
     /// The least hit of a ray in the order `(t, primitive)`; nothing behind the origin, even if the span begins there.
@@ -180,7 +184,7 @@ impl Hierarchy {
     ///
     /// As [`Hierarchy::nearest_each`] does.
     pub fn occluded_each(&self, rays: &RayColumns<'_>, occluded: &mut [bool], scratch: &mut Scratch) {
-        self.run(OfEach { question: AnyHit, rays, places: occluded, scratch });
+        self.run(OfEach { question: AnyHit::<false>, rays, places: occluded, scratch });
     }
 
     /// Does work on the tree, on the lanes it was built for.
@@ -298,14 +302,38 @@ impl<const W: usize> Wide<W> {
         scratch: &mut Scratch,
     ) -> Option<Hit> {
         let copies = Copies::<W>::of(ray, span);
-        let (columns, departure) = (copies.columns(), self.shapes.departure(from));
+        let (columns, mut departure) = (copies.columns(), self.shapes.departure(from));
         let rays = CullRays::alone(simd, frame, &columns, self.is_flat::<C>());
-        let traced = Traced { cull: rays.ray(0)?, ray: RayOf { columns: &columns, i: 0 }, departure };
-        match self.nearest_of::<S, C>(simd, &AtRoot, &traced, None, scratch).found {
+        let cull = rays.ray(0)?;
+        let own = self.own_hit::<C>(ray, span, departure, scratch);
+        if own.is_some() {
+            departure = departure.map(Departure::met_again);
+        }
+        let traced = Traced { cull, ray: RayOf { columns: &columns, i: 0 }, departure };
+        match self.nearest_of::<S, C>(simd, &AtRoot, &traced, own, scratch).found {
             Found::Nothing => None,
             Found::At(hit) => Some(hit),
             Found::Sure(sure) => self.shapes.exact_alone(simd, (ray, span), departure, &sure),
         }
+    }
+
+    /// Where a ray that leaves a sphere into its inside meets it again.
+    #[inline(always)]
+    fn own_hit<C: Content>(
+        &self,
+        ray: &Ray,
+        span: Span,
+        departure: Option<Departure>,
+        scratch: &mut Scratch,
+    ) -> Option<Hit> {
+        let Departure { kind, index, side } = departure?;
+        let is_inwards = C::SPHERES && kind == PrimitiveKind::Sphere && side == Side::Back;
+        // Of few spheres lists test all as well.
+        if !is_inwards || !self.shapes.can_meet_own() || self.few.replace_tree() {
+            return None;
+        }
+        scratch.primitive_tests += 1;
+        self.shapes.own_hit(ray, span, index)
     }
 
     /// The least of a ray's hits and one that is known; not yet exactly where it is sure.
@@ -319,7 +347,7 @@ impl<const W: usize> Wide<W> {
         scratch: &mut Scratch,
     ) -> Nearest {
         let cull = traced.cull;
-        let Scratch { stack, steps, primitive_tests } = scratch;
+        let Scratch { stack, steps, primitive_tests, .. } = scratch;
         let end = known.map_or(cull.end_above(), |hit| cull.end(hit.t));
         let mut visitor = NearestVisitor {
             content: PhantomData::<C>,
@@ -367,19 +395,22 @@ impl<const W: usize> Wide<W> {
         let (columns, departure) = (copies.columns(), self.shapes.departure(from));
         let rays = CullRays::alone(simd, frame, &columns, self.is_flat::<C>());
         let Some(cull) = rays.ray(0) else { return false };
+        if self.own_hit::<C>(ray, span, departure, scratch).is_some() {
+            return true;
+        }
         let traced = Traced { cull, ray: RayOf { columns: &columns, i: 0 }, departure };
-        self.occluded_of::<S, C>(simd, &AtRoot, &traced, scratch)
+        self.occluded_of::<S, C, false>(simd, &AtRoot, &traced, scratch)
     }
 
     #[inline(always)]
-    pub(crate) fn occluded_of<S: Simd, C: Content>(
+    pub(crate) fn occluded_of<S: Simd, C: Content, const SHARED: bool>(
         &self,
         simd: S,
         begin: &impl Begin<W>,
         traced: &Traced<'_, W>,
         scratch: &mut Scratch,
     ) -> bool {
-        let Scratch { stack, steps, primitive_tests } = scratch;
+        let Scratch { stack, steps, primitive_tests, blocker } = scratch;
         let end = traced.cull.end_above();
         let mut visitor = AnyVisitor {
             content: PhantomData::<C>,
@@ -388,6 +419,7 @@ impl<const W: usize> Wide<W> {
             ray: traced,
             end,
             tests: primitive_tests,
+            blocker: if SHARED { Some(blocker) } else { None },
         };
         is_stopped(simd, &self.tree, begin, stack, traced.cull, end, steps, &mut visitor)
     }
@@ -423,6 +455,8 @@ struct AnyVisitor<'h, S: Simd, C: Content, const W: usize> {
     ray: &'h Traced<'h, W>,
     end: f32,
     tests: &'h mut u64,
+    /// Where the record of what blocks the ray goes, if somebody wants it.
+    blocker: Option<&'h mut Option<u32>>,
 }
 
 impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
@@ -432,7 +466,11 @@ impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
         // every ray, and not stay in registers.
         let only_triangles = C::TRIANGLES && !C::OTHERS;
         let ray = if only_triangles { black_box(self.ray) } else { self.ray };
-        let is_hit = self.shapes.any::<S, C>(self.simd, leaf, ray, self.end, self.tests);
+        let mut found = None;
+        let is_hit = self.shapes.any::<S, C>(self.simd, leaf, ray, self.end, self.tests, &mut found);
+        if is_hit && let Some(blocker) = &mut self.blocker {
+            **blocker = found;
+        }
         if is_hit { None } else { Some(self.end) }
     }
 }
@@ -514,7 +552,7 @@ impl<Q: OfFew> Task for OfEach<'_, Q> {
     #[inline(always)]
     fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) {
         let Self { question, rays, places, scratch } = self;
-        let rays = Rays::<_, false> { columns: rays, range: 0..rays.len(), places };
+        let rays = Rays::<_, false> { columns: rays, range: 0..rays.len(), places, shared: None };
         wide.each(simd, frame, question, rays, scratch);
     }
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
-use crate::columns::{Left, RayColumns};
+use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::frame::{Frame, round_down, round_up};
 use crate::ray::{FAR, HIT_MARGIN, LEAST_COMPONENT, SINGLE, SLAB_MARGIN};
 
@@ -37,6 +37,8 @@ pub(crate) struct Packet<S: Simd, const W: usize> {
     left: [u32; W],
     left_front: u32,
     leaves: bool,
+    /// The lanes of which a hit is known.
+    pub(crate) known: u32,
 }
 
 /// What the distances of a packet's rays to planes across the axes are made of: `plane inverse + offset`.
@@ -145,6 +147,7 @@ impl<S: Simd, const W: usize> Packet<S, W> {
             left: [Left::NOBODY; W],
             left_front: 0,
             leaves: false,
+            known: 0,
         }
     }
 
@@ -199,7 +202,7 @@ impl<S: Simd, const W: usize> Packet<S, W> {
             }
             (self.left, self.left_front) = Left::split(&left);
         }
-        (self.first, self.len, self.advance) = (first, len, advance);
+        (self.first, self.len, self.advance, self.known) = (first, len, advance, 0);
         (self.start, self.end_below) = (starts, ends);
         self.ends = ends.min(simd.splat_f32(1e30)).select(is_ray, simd.splat_f32(NOWHERE));
     }
@@ -264,6 +267,24 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         }
         let lanes = simd.equal_u32(&self.left, primitive).bits();
         (lanes, lanes & self.left_front)
+    }
+
+    /// What is known of the rays, each a hit or none: it bounds what is still to be found. A sphere that a ray leaves into
+    /// its inside and is known to hit is not asked again.
+    #[inline(always)]
+    pub(crate) fn know(&mut self, simd: S, frame: &Frame, known: &[HitOrNone]) {
+        let (mut ends, mut lanes) = ([0.0; W], 0);
+        for (lane, hit) in known.iter().enumerate() {
+            if let Some(hit) = hit.get() {
+                ends[lane] = self.above(frame, hit.t);
+                lanes |= 1 << lane;
+                if self.leaves && self.left[lane] == hit.primitive {
+                    self.left_front |= 1 << lane;
+                }
+            }
+        }
+        self.ends = self.ends.min(simd.load_f32(&ends)).select(simd.mask_f32(lanes), self.ends);
+        self.known = lanes;
     }
 
     /// The lanes that are answered ask for nothing more.

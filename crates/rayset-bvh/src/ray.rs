@@ -2,10 +2,11 @@
 
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Span};
-use rayset_simd::{LaneMask, Lanes, Simd};
+use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::columns::RayColumns;
 use crate::frame::{Frame, round_down, round_up};
+use crate::interval::SpanLanes;
 use crate::packet::narrow;
 
 /// How far planes of boxes are moved outwards, in units of the rounding of a coordinate: of a ray in culling space.
@@ -82,6 +83,53 @@ pub(crate) struct SlabsOfRays<S: Simd> {
     /// Whose upper planes are near, along each axis.
     pub(crate) turned: [<S::F32 as Lanes>::Mask; 3],
     pub(crate) start: S::F32,
+}
+
+/// What of prepared rays one primitive is tested with, a lane each.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PreparedLanes<S: Simd> {
+    pub(crate) origin: [S::F32; 3],
+    pub(crate) direction: [S::F32; 3],
+    /// The factors of the shears, each along its own axis, and the origins, sheared.
+    pub(crate) factors: [S::F32; 3],
+    sheared: [S::F32; 3],
+    /// Which are sheared along the first axis, which along the last, and which against theirs.
+    along_first: <S::F32 as Lanes>::Mask,
+    along_last: <S::F32 as Lanes>::Mask,
+    turned: <S::F32 as Lanes>::Mask,
+    /// The greatest rounding of a coordinate.
+    pub(crate) unit: f32,
+    pub(crate) span: SpanLanes<S>,
+}
+
+impl<S: Simd> PreparedLanes<S> {
+    /// A vertex that is the same in every lane, sheared along each ray.
+    #[inline(always)]
+    pub(crate) fn shear(&self, vertex: [S::F32; 3]) -> [S::F32; 3] {
+        let ([sx, sy, _], [ox, oy, oz]) = (self.factors, self.sheared);
+        let [x, y, z] = turn_axes::<S>(vertex, self.along_first, self.along_last, self.turned);
+        [z.mul_add(sx, x) - ox, z.mul_add(sy, y) - oy, z - oz]
+    }
+}
+
+/// Three columns.
+#[inline(always)]
+fn load_three<S: Simd, const W: usize>(simd: S, [x, y, z]: &[[f32; W]; 3]) -> [S::F32; 3] {
+    [simd.load_f32(x), simd.load_f32(y), simd.load_f32(z)]
+}
+
+/// The coordinates across the axis of each lane's shear, and the one along it.
+#[inline(always)]
+fn turn_axes<S: Simd>(
+    [x, y, z]: [S::F32; 3],
+    along_first: <S::F32 as Lanes>::Mask,
+    along_last: <S::F32 as Lanes>::Mask,
+    turned: <S::F32 as Lanes>::Mask,
+) -> [S::F32; 3] {
+    let along = z.select(along_last, x.select(along_first, y));
+    let next = x.select(along_last, y.select(along_first, z));
+    let last = y.select(along_last, z.select(along_first, x));
+    [last.select(turned, next), next.select(turned, last), along]
 }
 
 /// Rays some of which start far off, brought near.
@@ -222,16 +270,11 @@ impl<const W: usize> CullRays<W> {
         let [x, y, z] = d.map(Lanes::abs);
         let is_first = x.gt(y);
         let is_last = z.ge(x.max(y));
-        // The component along the axis, and those along the next and the one after.
-        let along = |[x, y, z]: [S::F32; 3]| z.select(is_last, x.select(is_first, y));
-        let next = |[x, y, z]: [S::F32; 3]| x.select(is_last, y.select(is_first, z));
-        let last = |[x, y, z]: [S::F32; 3]| y.select(is_last, z.select(is_first, x));
-        let inverse = along(inverse);
+        let none = simd.mask_f32(0);
+        let [_, _, inverse] = turn_axes::<S>(inverse, is_first, is_last, none);
         let is_turned = inverse.lt(simd.splat_f32(0.0));
-        let turn = |a: S::F32, b: S::F32| (b.select(is_turned, a), a.select(is_turned, b));
-        let (dx, dy) = turn(next(d), last(d));
-        let (ox, oy) = turn(next(o), last(o));
-        let oz = along(o);
+        let [dx, dy, _] = turn_axes::<S>(d, is_first, is_last, is_turned);
+        let [ox, oy, oz] = turn_axes::<S>(o, is_first, is_last, is_turned);
         let (sx, sy) = (-dx * inverse, -dy * inverse);
         sx.store(&mut self.factors[0]);
         sy.store(&mut self.factors[1]);
@@ -295,6 +338,28 @@ impl<const W: usize> CullRays<W> {
             slabs.turned[k] = simd.mask_f32(self.turned[k]);
         }
         slabs
+    }
+
+    /// What a primitive is tested with.
+    #[inline(always)]
+    pub(crate) fn lanes<S: Simd>(&self, simd: S) -> PreparedLanes<S> {
+        let factors = load_three(simd, &self.factors);
+        PreparedLanes {
+            origin: load_three(simd, &self.origin),
+            direction: load_three(simd, &self.direction),
+            factors,
+            sheared: load_three(simd, &self.sheared),
+            along_first: simd.mask_f32(self.along_first),
+            along_last: simd.mask_f32(self.along_last),
+            turned: factors[2].lt(simd.splat_f32(0.0)),
+            unit: simd.load_f32(&self.unit).greatest(),
+            span: SpanLanes {
+                start: simd.load_f32(&self.start),
+                start_above: simd.load_f32(&self.start_above),
+                end_below: simd.load_f32(&self.end_below),
+                ends: simd.load_f32(&self.end_above),
+            },
+        }
     }
 
     /// The lanes, of the first so many, whose rays may hit something.

@@ -7,7 +7,7 @@ use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
 use crate::axes::AxisBlock;
 use crate::columns::RayOf;
-use crate::exact::Sure;
+use crate::exact::{Sure, record_of};
 use crate::fans::FanBlock;
 use crate::interval::{Intervals, SphereBlock, TriangleBlock};
 use crate::ray::CullRay;
@@ -108,6 +108,8 @@ pub(crate) struct Shapes<const W: usize> {
     only: Option<PrimitiveKind>,
     /// Where each primitive went.
     places: Vec<Place>,
+    /// Whether there are spheres, all of which can be hit from the back.
+    spheres_have_backs: bool,
 }
 
 /// The index of a primitive among those of its kind, and in the lowest bits the kind: rays look up what they leave, which
@@ -122,6 +124,11 @@ impl Place {
     fn new(kind: PrimitiveKind, index: u32) -> Self {
         assert!(index < 1 << 30, "fewer than 2^30 primitives");
         Self(index << 2 | kind as u32)
+    }
+
+    #[inline(always)]
+    fn sphere(self) -> Option<u32> {
+        (self.0 % 4 == PrimitiveKind::Sphere as u32).then_some(self.0 >> 2)
     }
 
     #[inline(always)]
@@ -293,6 +300,18 @@ impl<const W: usize> Shapes<W> {
         from.map(|(primitive, side)| self.places[primitive as usize].departure(side))
     }
 
+    /// The index of a sphere among the spheres, by its number; `None` if it is none, or in no leaf.
+    #[inline(always)]
+    pub(crate) fn sphere_of(&self, number: u32) -> Option<u32> {
+        self.places[number as usize].sphere()
+    }
+
+    /// Whether rays that leave a sphere into its inside meet it again, unless their span ends before.
+    #[inline(always)]
+    pub(crate) fn can_meet_own(&self) -> bool {
+        self.spheres_have_backs
+    }
+
     /// The block of a run of polygons, if they have one, and of cones.
     #[inline(always)]
     pub(crate) fn fan_block(&self, run: &Run) -> Option<&FanBlock<W>> {
@@ -422,15 +441,16 @@ impl<const W: usize> Shapes<W> {
         ray: &Traced<'_, W>,
         end: f32,
         tests: &mut u64,
+        blocker: &mut Option<u32>,
     ) -> bool {
         let mut i = first_run;
         loop {
             let run = &self.runs[i];
             *tests += u64::from(run.len);
             let is_hit = match run.kind {
-                _ if !C::OTHERS => self.any_in_block::<S, C>(simd, i, ray, end),
+                _ if !C::OTHERS => self.any_in_block::<S, C>(simd, i, ray, end, blocker),
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
-                    self.any_in_block::<S, C>(simd, i, ray, end)
+                    self.any_in_block::<S, C>(simd, i, ray, end, blocker)
                 }
                 PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(simd, run, ray, end),
                 PrimitiveKind::Polygon | PrimitiveKind::Cone => {
@@ -449,10 +469,18 @@ impl<const W: usize> Shapes<W> {
     }
 
     #[inline(always)]
-    fn any_in_block<S: Simd, C: Content>(&self, simd: S, i: usize, ray: &Traced<'_, W>, end: f32) -> bool {
+    fn any_in_block<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        i: usize,
+        ray: &Traced<'_, W>,
+        end: f32,
+        blocker: &mut Option<u32>,
+    ) -> bool {
         let run = &self.runs[i];
         let found = self.intervals::<S, C>(simd, i, ray, end);
         if found.sure.any() {
+            *blocker = Some(record_of(i, found.sure.bits().trailing_zeros()));
             return true;
         }
         let mut bits = found.possible.bits();
@@ -460,6 +488,7 @@ impl<const W: usize> Shapes<W> {
             let lane = bits.trailing_zeros();
             bits &= bits - 1;
             if self.exact::<C>(ray, run.kind, run.first + lane, run.sides).is_some() {
+                *blocker = Some(record_of(i, lane));
                 return true;
             }
         }
@@ -564,6 +593,19 @@ impl Run {
             Some(departure) => self.len == 1 && departure.kind == self.kind && departure.index == self.first,
             None => false,
         }
+    }
+
+    /// The lanes that may hit the front of one of them, and its back, if some leave it, and some of these into its front.
+    #[inline(always)]
+    pub(crate) fn hittable<const W: usize>(&self, (leaving, outwards): (u32, u32)) -> (u32, u32) {
+        let all = u32::MAX >> (32 - W);
+        let front = if self.sides == Sides::Back { 0 } else { all & !leaving };
+        let back = match (self.sides, self.kind) {
+            (Sides::Front, _) => 0,
+            (_, PrimitiveKind::Triangle | PrimitiveKind::Polygon) => all & !leaving,
+            _ => all & !outwards,
+        };
+        (front, back)
     }
 
     /// One of them.

@@ -1,6 +1,6 @@
 //! What packets ask for, and the leaves that answer: one primitive against all rays of a packet.
 
-use rayset_geometry::{PrimitiveKind, Sides};
+use rayset_geometry::PrimitiveKind;
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::axes::AxisRays;
@@ -12,7 +12,7 @@ use crate::shaft::Shaft;
 use crate::shapes::{Hit, Run, Shapes};
 
 /// What it costs to test a primitive against the rays of a packet, in steps.
-const PACKET_TEST_STEPS: u64 = 2;
+pub(crate) const PACKET_TEST_STEPS: u64 = 2;
 
 /// What the rays of a packet ask for, and the answers so far.
 pub(crate) trait Question<S: Simd, const W: usize>: Copy {
@@ -28,6 +28,12 @@ pub(crate) trait Question<S: Simd, const W: usize>: Copy {
         record: u32,
         at: &Intervals<S>,
     ) -> (bool, u32);
+
+    /// Takes in the lanes that a blocker of other rays surely blocks, if that is all that is asked.
+    fn block(&mut self, simd: S, packet: &mut Packet<S, W>, lanes: u32);
+
+    /// How many lanes blockers of other rays block, and the record of what was found last to block one.
+    fn blocked(&self) -> (u64, Option<u32>);
 }
 
 /// The nearest hits, each known by its record and an interval.
@@ -71,6 +77,14 @@ impl<S: Simd, const W: usize> Question<S, W> for Nearest<S> {
             }
         }
         (true, tests)
+    }
+
+    #[inline(always)]
+    fn block(&mut self, _: S, _: &mut Packet<S, W>, _: u32) {}
+
+    #[inline(always)]
+    fn blocked(&self) -> (u64, Option<u32>) {
+        (0, None)
     }
 }
 
@@ -189,14 +203,30 @@ impl<const W: usize> Exact<'_, W> {
     }
 }
 
-/// Whether anything is hit: a bit a lane.
+/// Whether anything is hit.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Hidden(pub(crate) u32);
+pub(crate) struct Hidden {
+    /// A bit a lane.
+    pub(crate) lanes: u32,
+    /// Those that blockers of other rays block.
+    blocked: u32,
+    /// The record of what was found last.
+    record: u32,
+}
+
+impl Hidden {
+    /// Some lanes are answered before.
+    #[inline(always)]
+    pub(crate) fn begin<S: Simd, const W: usize>(&mut self, simd: S, packet: &mut Packet<S, W>, lanes: u32) {
+        self.lanes = lanes;
+        packet.close(simd, lanes);
+    }
+}
 
 impl<S: Simd, const W: usize> Question<S, W> for Hidden {
     #[inline(always)]
     fn new(_: S) -> Self {
-        Self(0)
+        Self { lanes: 0, blocked: 0, record: NONE }
     }
 
     #[inline(always)]
@@ -214,9 +244,24 @@ impl<S: Simd, const W: usize> Question<S, W> for Hidden {
         if unsure != 0 {
             more |= exact.hits(simd, packet, unsure, record).lanes;
         }
-        self.0 |= more;
+        if more != 0 {
+            self.record = record;
+        }
+        self.lanes |= more;
         packet.close(simd, more);
         (more != 0, tests)
+    }
+
+    #[inline(always)]
+    fn block(&mut self, simd: S, packet: &mut Packet<S, W>, lanes: u32) {
+        self.lanes |= lanes;
+        self.blocked |= lanes;
+        packet.close(simd, lanes);
+    }
+
+    #[inline(always)]
+    fn blocked(&self) -> (u64, Option<u32>) {
+        (u64::from(self.blocked.count_ones()), (self.record != NONE).then_some(self.record))
     }
 }
 
@@ -269,7 +314,7 @@ impl<const W: usize> Shapes<W> {
 
     /// Where the rays of a packet hit the primitive at a place of a run.
     #[inline(always)]
-    fn all_intervals<S: Simd>(
+    pub(crate) fn all_intervals<S: Simd>(
         &self,
         simd: S,
         run: &Run,
@@ -277,14 +322,8 @@ impl<const W: usize> Shapes<W> {
         shaft: &Shaft<S>,
         packet: &Packet<S, W>,
     ) -> Intervals<S> {
-        let all = u32::MAX >> (32 - W);
-        let (leaving, outwards) = packet.leaving(simd, self.number(run.kind, run.first + place));
-        let front = if run.sides == Sides::Back { 0 } else { all & !leaving };
-        let back = match (run.sides, run.kind) {
-            (Sides::Front, _) => 0,
-            (_, PrimitiveKind::Triangle | PrimitiveKind::Polygon) => all & !leaving,
-            _ => all & !outwards,
-        };
+        let leaving = packet.leaving(simd, self.number(run.kind, run.first + place));
+        let (front, back) = run.hittable::<W>(leaving);
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
         let span = SpanLanes {
             start: packet.start,
@@ -395,7 +434,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
     use rayset_geometry::glam::DVec3;
-    use rayset_geometry::{BoundingBox, Probe, Ray, Span, Triangle, unit};
+    use rayset_geometry::{BoundingBox, Probe, Ray, Sides, Span, Triangle, unit};
     use rayset_simd::{Backend, Kernel, Scalar};
 
     use super::*;

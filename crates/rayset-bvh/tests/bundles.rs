@@ -61,7 +61,10 @@ fn together(hierarchy: &Hierarchy, list: &List) -> (Vec<Option<Hit>>, Vec<bool>,
     let (mut each_hits, mut each_occluded) = (vec![something; n], vec![true; n]);
     hierarchy.nearest_each(&rays, &mut each_hits, &mut scratch.single);
     hierarchy.occluded_each(&rays, &mut each_occluded, &mut scratch.single);
-    assert!(each_hits == hits && each_occluded == occluded, "one by one as together");
+    for i in 0..n {
+        assert_eq!(each_hits[i], hits[i], "ray {i} one by one as together");
+        assert_eq!(each_occluded[i], occluded[i], "ray {i} one by one as together");
+    }
     (hits.iter().map(|hit| hit.get()).collect(), occluded, scratch.bundled)
 }
 

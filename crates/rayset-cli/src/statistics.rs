@@ -58,6 +58,7 @@ struct RayStatistics {
 struct Stages {
     tiles: u64,
     packets: u64,
+    blockers: u64,
     alone: u64,
 }
 
@@ -76,6 +77,7 @@ impl Rays {
                 stages: (stages != StageCounts::default()).then_some(Stages {
                     tiles: stages.tiles,
                     packets: stages.packets,
+                    blockers: stages.blockers,
                     alone: stages.alone,
                 }),
             }

@@ -56,6 +56,8 @@ pub struct StageCounts {
     pub tiles: u64,
     /// Under the shaft of a packet.
     pub packets: u64,
+    /// By what blocked a light ray before them.
+    pub blockers: u64,
     /// One by one.
     pub alone: u64,
 }
@@ -152,10 +154,19 @@ impl AddAssign for CoherenceCounts {
     }
 }
 
+impl StageCounts {
+    /// How many rays were answered together with others.
+    #[must_use]
+    pub fn together(&self) -> u64 {
+        self.tiles + self.packets + self.blockers
+    }
+}
+
 impl AddAssign for StageCounts {
     fn add_assign(&mut self, other: Self) {
         self.tiles += other.tiles;
         self.packets += other.packets;
+        self.blockers += other.blockers;
         self.alone += other.alone;
     }
 }
@@ -187,9 +198,13 @@ impl fmt::Display for Stats {
                 kind.name()
             )?;
         }
-        for (kind, &StageCounts { tiles, packets, alone }) in self.stages.iter() {
-            if tiles + packets + alone > 0 {
-                writeln!(f, "{:9} rays: {tiles} in tiles, {packets} in packets, {alone} alone", kind.name())?;
+        for (kind, &StageCounts { tiles, packets, blockers, alone }) in self.stages.iter() {
+            if tiles + packets + blockers + alone > 0 {
+                writeln!(
+                    f,
+                    "{:9} rays: {tiles} in tiles, {packets} in packets, {blockers} by blockers, {alone} alone",
+                    kind.name()
+                )?;
             }
         }
         Ok(())

@@ -15,6 +15,15 @@ pub struct Departure {
     pub side: Side,
 }
 
+impl Departure {
+    /// That of a ray of which it is known where it meets the primitive again: as if it never did.
+    #[must_use]
+    #[inline(always)]
+    pub fn met_again(self) -> Self {
+        Self { side: Side::Front, ..self }
+    }
+}
+
 /// The lanes whose front, or back, may be hit: by visibility, and by where the ray left.
 #[derive(Clone, Copy)]
 pub(crate) struct Allowed<S: Simd> {

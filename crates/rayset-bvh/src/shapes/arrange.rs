@@ -54,6 +54,7 @@ impl<const W: usize> Shapes<W> {
         }
         shapes.only =
             items.first().map(|first| first.0).filter(|&kind| items.iter().all(|item| item.0 == kind));
+        shapes.spheres_have_backs = spheres_have_backs(items);
         shapes.is_flat = shapes.columns.is_flat() || !shapes.triangles.is_empty();
         (shapes, leaf_runs)
     }
@@ -70,6 +71,7 @@ impl<const W: usize> Shapes<W> {
         let (kind, _, sides) = items[0];
         let index = |reference: &Reference| items[reference.primitive() as usize].1;
         let mut shapes = Self { only: Some(kind), ..Self::default() };
+        shapes.spheres_have_backs = spheres_have_backs(&items[..1]);
         let run = |(block, leaf): (usize, &Range<u32>)| Run {
             kind,
             sides,
@@ -212,4 +214,10 @@ fn collected<T: Send>(items: impl IndexedParallelIterator<Item = T>) -> Vec<T> {
 
 fn index_of(len: usize) -> u32 {
     u32::try_from(len).expect("fewer than 2^32 primitives")
+}
+
+/// Whether there are spheres, all of which can be hit from the back.
+fn spheres_have_backs(items: &[(PrimitiveKind, u32, Sides)]) -> bool {
+    let mut spheres = items.iter().filter(|item| item.0 == PrimitiveKind::Sphere).peekable();
+    spheres.peek().is_some() && spheres.all(|item| item.2 != Sides::Front)
 }

@@ -98,7 +98,7 @@ impl Choice {
 
     /// Takes in how the rays of a generation fared in bundles.
     fn end(&mut self, before: StageCounts, after: StageCounts) {
-        let together = after.tiles + after.packets - before.tiles - before.packets;
+        let together = after.together() - before.together();
         let alone = after.alone - before.alone;
         if WORTH * together >= together + alone {
             self.next_wait = 0;

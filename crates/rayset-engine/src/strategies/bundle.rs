@@ -99,8 +99,8 @@ impl<'s> BundleTracer<'s> {
     /// Takes over what the hierarchy has counted; returns what is new.
     fn count(&mut self, kind: RayKind) -> Work {
         let before = self.stats.work;
-        let Bundled { tiles, packets, alone } = std::mem::take(&mut self.scratch.bundled);
-        self.stats.stages[kind] += StageCounts { tiles, packets, alone };
+        let Bundled { tiles, packets, blockers, alone } = std::mem::take(&mut self.scratch.bundled);
+        self.stats.stages[kind] += StageCounts { tiles, packets, blockers, alone };
         self.stats.work.boxes_tested = self.scratch.single.steps.nodes * self.hierarchy.lanes() as u64;
         self.stats.work.primitive_tests = self.scratch.single.primitive_tests;
         self.stats.work - before

@@ -23,7 +23,8 @@ pub struct Counts {
     pub intercepted: Kinds,
     /// Coherent rays.
     pub coherent: Kinds,
-    /// Rays answered under the shaft of a packet or a tile; not written where there are none, as in older journals.
+    /// Rays answered together with others: under the shaft of a packet or a tile, or by what blocked others; not written
+    /// where there are none, as in older journals.
     #[serde(default, skip_serializing_if = "are_none")]
     pub under_shafts: Kinds,
     /// The work.
@@ -59,7 +60,7 @@ impl Counts {
             pierced: kinds(coherence, |counts| counts.pierced),
             intercepted: kinds(coherence, |counts| counts.false_coherence),
             coherent: kinds(coherence, |counts| counts.coherent),
-            under_shafts: kinds(&stats.stages, |counts| counts.tiles + counts.packets),
+            under_shafts: kinds(&stats.stages, |counts| counts.together()),
             work: stats.work,
         }
     }
