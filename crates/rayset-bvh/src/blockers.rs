@@ -112,9 +112,7 @@ impl Blockers {
         self.answered += answered;
         blocked
     }
-}
 
-impl Blockers {
     /// Packets under a shaft that ask whether anything blocks their rays: those that a blocker that is remembered surely
     /// blocks are answered.
     #[inline(always)]
@@ -125,6 +123,7 @@ impl Blockers {
         shaft: &Shaft<S>,
         packets: &mut [Packet<S, W>],
         asked: &mut [Q],
+        primitive_tests: &mut u64,
     ) {
         let (records, known) = self.due();
         let (mut tests, mut answered) = (0, 0);
@@ -135,6 +134,7 @@ impl Blockers {
                 let blocked = (at.possible & at.sure).bits();
                 asked.block(simd, packet, blocked);
                 answered += u64::from(blocked.count_ones());
+                *primitive_tests += packet.len as u64;
                 tests += 1;
             }
         }
@@ -192,5 +192,24 @@ impl<S: Simd, const W: usize> Part<S> for Blocked<'_, W> {
             PrimitiveKind::Polygon | PrimitiveKind::Cone => return 0,
         };
         (at.possible & at.sure).bits()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_blockers_are_asked_first_and_each_once() {
+        let mut blockers = Blockers::NEW;
+        assert_eq!(blockers.due().1, 0, "there is none");
+        for record in [1, 2, 3, 2, 2, 4, 5, 6, 4] {
+            blockers.remember(record);
+        }
+        assert_eq!(blockers.due(), ([4, 6, 5, 2], 4));
+        // Not worth it: others are asked the less.
+        blockers.trial.end(100, 0);
+        blockers.trial.end(100, 0);
+        assert_eq!([blockers.due().1, blockers.due().1], [0, 4]);
     }
 }

@@ -569,7 +569,8 @@ impl<const W: usize> Wide<W> {
             let known = &mut scratch.classes[class];
             let most = known.steps(len);
             if L::ANY {
-                known.blockers.ask_packets(simd, &self.shapes, &shaft, packets, &mut asked);
+                let tests = &mut scratch.single.primitive_tests;
+                known.blockers.ask_packets(simd, &self.shapes, &shaft, packets, &mut asked, tests);
             }
             let (packets, asked, scratch) = (&mut *packets, &mut asked[..], &mut scratch.single);
             let (shaft, exact, tree) = (&shaft, &exact, &self.tree);
@@ -659,7 +660,8 @@ impl<const W: usize> Wide<W> {
                 if L::ANY {
                     let (blockers, asked) =
                         (&mut scratch.classes[class].blockers, std::slice::from_mut(&mut asked));
-                    blockers.ask_packets(simd, &self.shapes, &shaft, packets, asked);
+                    let tests = &mut scratch.single.primitive_tests;
+                    blockers.ask_packets(simd, &self.shapes, &shaft, packets, asked, tests);
                 }
                 let (asked, scratch) = (std::slice::from_mut(&mut asked), &mut scratch.single);
                 let (shaft, tree) = (&shaft, &self.tree);

@@ -68,8 +68,14 @@ fn together(hierarchy: &Hierarchy, list: &List) -> (Vec<Option<Hit>>, Vec<bool>,
     (hits.iter().map(|hit| hit.get()).collect(), occluded, scratch.bundled)
 }
 
-/// Compares with a loop; returns how many rays were answered together.
+/// Compares with a loop; returns how many rays were answered under shafts.
 fn check(primitives: &[(Primitive, Sides)], list: &List) -> u64 {
+    let Bundled { tiles, packets, .. } = check_stages(primitives, list);
+    tiles + packets
+}
+
+/// Compares with a loop; returns how many rays each stage answered.
+fn check_stages(primitives: &[(Primitive, Sides)], list: &List) -> Bundled {
     let mut columns = PrimitiveColumns::default();
     let items: Vec<_> = primitives
         .iter()
@@ -93,11 +99,14 @@ fn check(primitives: &[(Primitive, Sides)], list: &List) -> u64 {
             nearest
         })
         .collect();
-    let mut answered_together = 0;
+    let mut stages = Bundled::default();
     for &backend in Backend::available() {
         let hierarchy = Hierarchy::over(&columns, &items, backend);
         let (hits, occluded, bundled) = together(&hierarchy, list);
-        answered_together += bundled.tiles + bundled.packets;
+        stages.tiles += bundled.tiles;
+        stages.packets += bundled.packets;
+        stages.blockers += bundled.blockers;
+        stages.alone += bundled.alone;
         for (i, expected) in expected.iter().enumerate() {
             let bits = |hit: &Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.primitive));
             assert_eq!(
@@ -110,7 +119,7 @@ fn check(primitives: &[(Primitive, Sides)], list: &List) -> u64 {
             assert_eq!(occluded[i], expected.is_some(), "{backend}, ray {i}: {:?}", list.ray(i));
         }
     }
-    answered_together
+    stages
 }
 
 fn point() -> impl Strategy<Value = DVec3> {
@@ -337,4 +346,83 @@ fn rays_among_few_spheres_are_answered_together() {
         }
     }
     assert!(10 * together > 7 * rays, "{together} of {rays}");
+}
+
+/// A wall before a light: what one ray finds in it answers others, whether these go alone, in packets or in tiles.
+#[test]
+fn light_rays_are_answered_by_what_blocked_others() {
+    for (spread, is_wall_of_spheres) in [(0.01, false), (0.01, true), (1.0, false), (1.0, true)] {
+        let at = |i: u32, k: f64| 2.0 * (f64::from(i) * k).fract() - 1.0;
+        let point = |i: u32| dvec3(at(i, 0.618_033_9), at(i, 0.754_877_7), at(i, 0.569_840_3));
+        // Small ones on this side, so that there is a tree; the wall; the light behind it.
+        let mut primitives: Vec<_> = (0..300)
+            .map(|i| {
+                let (a, b, c) = (point(i), point(i + 400), point(i + 800));
+                (Primitive::from(Triangle::new(a, a + 0.05 * b, a + 0.05 * c)), Sides::Both)
+            })
+            .collect();
+        if is_wall_of_spheres {
+            primitives.push((Sphere::new(dvec3(0.0, 0.0, -5.0), 3.0).into(), Sides::Both));
+        } else {
+            let [a, b, c] = [(-9.0, -9.0), (9.0, -9.0), (0.0, 18.0)].map(|(x, y)| dvec3(x, y, -3.0));
+            primitives.push((Triangle::new(a, b, c).into(), Sides::Front));
+            primitives.push((Triangle::new(a, c, b).into(), Sides::Front));
+        }
+        let light = dvec3(0.0, 0.0, -20.0);
+        let mut list = List::default();
+        for i in 0..900 {
+            // Some leave the wall itself, on the side of the light, and some end before it.
+            let (origin, left) = match i % 16 {
+                5 => (dvec3(0.01 * f64::from(i % 7), 0.0, -3.0), Some((300, Side::Front))),
+                _ => (spread * point(i), None),
+            };
+            let direction = unit(light - origin).unwrap();
+            let end = if i % 16 == 9 { 1.0 } else { (light - origin).length() };
+            list.push(&Ray::new(origin, direction), Span { start: 0.0, end }, left);
+        }
+        let Bundled { blockers, .. } = check_stages(&primitives, &list);
+        let rays = 900 * Backend::available().len() as u64;
+        assert!(3 * blockers > rays, "{blockers} of {rays}, spread {spread}");
+    }
+}
+
+/// In glass: rays that leave spheres into their insides, where others lie before them, or at the same distance.
+#[test]
+fn rays_inside_spheres_meet_them_again_or_what_lies_before() {
+    let at = |i: u32, k: f64| 2.0 * (f64::from(i) * k).fract() - 1.0;
+    let point = |i: u32| dvec3(at(i, 0.618_033_9), at(i, 0.754_877_7), at(i, 0.569_840_3));
+    let unit_point = |i: u32| unit(point(i)).unwrap_or(DVec3::X);
+    for sides in [Sides::Both, Sides::Back, Sides::Front] {
+        let mut primitives = Vec::new();
+        for i in 0..200 {
+            let center = 3.0 * point(i);
+            primitives.push((Primitive::from(Sphere::new(center, 0.5)), sides));
+            // Small ones inside, and one of the same size, told from the other by its number alone.
+            primitives.push((Sphere::new(center + 0.3 * unit_point(i + 7), 0.1).into(), sides));
+            if i % 5 == 0 {
+                primitives.push((Sphere::new(center, 0.5).into(), sides));
+            }
+        }
+        let spheres: Vec<Sphere> = primitives
+            .iter()
+            .map(|(primitive, _)| match primitive {
+                Primitive::Sphere(sphere) => *sphere,
+                _ => unreachable!("all are spheres"),
+            })
+            .collect();
+        let mut list = List::default();
+        for i in 0..2000 {
+            let number = i / 4 % u32::try_from(spheres.len()).unwrap();
+            let sphere = spheres[number as usize];
+            let outwards = unit_point(i / 4 * 13 + 1);
+            let aside = unit_point(i + 5);
+            // Near each other, so that some go together; a few leave outwards, and some are short.
+            let inwards = unit(-outwards + 0.3 * aside).unwrap();
+            let (direction, side) = if i % 11 == 3 { (outwards, Side::Front) } else { (inwards, Side::Back) };
+            let end = [f64::INFINITY, 0.3, f64::INFINITY, f64::NAN][i as usize % 4];
+            let origin = sphere.center() + sphere.radius() * outwards;
+            list.push(&Ray::new(origin, direction), Span { start: 1e-9, end }, Some((number, side)));
+        }
+        check(&primitives, &list);
+    }
 }
