@@ -376,9 +376,16 @@ fn light_rays_are_answered_by_what_blocked_others() {
                 5 => (dvec3(0.01 * f64::from(i % 7), 0.0, -3.0), Some((300, Side::Front))),
                 _ => (spread * point(i), None),
             };
-            let direction = unit(light - origin).unwrap();
-            let end = if i % 16 == 9 { 1.0 } else { (light - origin).length() };
-            list.push(&Ray::new(origin, direction), Span { start: 0.0, end }, left);
+            let ray = Ray::new(origin, unit(light - origin).unwrap());
+            let wall = |span| primitives.last()?.0.intersect(&ray, span, Sides::Both, None);
+            // Some end before the wall, and some so near that only double precision tells.
+            let end = match i % 16 {
+                9 => 1.0,
+                12 => wall(Span::FORWARD).map_or(1.0, |t| t * (1.0 - 1e-12)),
+                13 => wall(Span::FORWARD).map_or(1.0, |t| t * (1.0 + 1e-12)),
+                _ => (light - origin).length(),
+            };
+            list.push(&ray, Span { start: 0.0, end }, left);
         }
         let Bundled { blockers, .. } = check_stages(&primitives, &list);
         let rays = 900 * Backend::available().len() as u64;
@@ -411,14 +418,16 @@ fn rays_inside_spheres_meet_them_again_or_what_lies_before() {
             })
             .collect();
         let mut list = List::default();
-        for i in 0..2000 {
-            let number = i / 4 % u32::try_from(spheres.len()).unwrap();
+        for i in 0..3000 {
+            // Of a few each that part, and of many that stay together: under shafts.
+            let (together, spread) = if i < 1000 { (4, 0.3) } else { (64, 0.01) };
+            let number = i / together % u32::try_from(spheres.len()).unwrap();
             let sphere = spheres[number as usize];
-            let outwards = unit_point(i / 4 * 13 + 1);
-            let aside = unit_point(i + 5);
-            // Near each other, so that some go together; a few leave outwards, and some are short.
-            let inwards = unit(-outwards + 0.3 * aside).unwrap();
-            let (direction, side) = if i % 11 == 3 { (outwards, Side::Front) } else { (inwards, Side::Back) };
+            let outwards = unit_point(i / together * 13 + 1);
+            let inwards = unit(-outwards + spread * unit_point(i + 5)).unwrap();
+            // A few leave outwards, and some are short.
+            let is_outwards = i < 1000 && i % 11 == 3;
+            let (direction, side) = if is_outwards { (outwards, Side::Front) } else { (inwards, Side::Back) };
             let end = [f64::INFINITY, 0.3, f64::INFINITY, f64::NAN][i as usize % 4];
             let origin = sphere.center() + sphere.radius() * outwards;
             list.push(&Ray::new(origin, direction), Span { start: 1e-9, end }, Some((number, side)));
