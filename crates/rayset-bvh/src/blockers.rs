@@ -13,12 +13,13 @@ use rayset_simd::{LaneMask, Part, Simd};
 use crate::bundle::Trial;
 use crate::columns::Left;
 use crate::exact::NONE;
-use crate::interval;
+use crate::interval::{Chords, Rounding, Sheared};
+use crate::leaf::PACKET_TEST_STEPS;
 use crate::packet::Packet;
 use crate::ray::CullRays;
 use crate::shaft::Shaft;
 use crate::shapes::Shapes;
-use crate::together::{PACKET_TEST_STEPS, Question};
+use crate::together::Question;
 
 /// How many blockers are remembered.
 const REMEMBERED: usize = 4;
@@ -128,10 +129,8 @@ impl Blockers {
         let (records, known) = self.due();
         let (mut tests, mut answered) = (0, 0);
         for &record in &records[..known] {
-            let (run, place) = shapes.place_of(record);
             for (packet, asked) in packets.iter_mut().zip(&mut *asked) {
-                let at = shapes.all_intervals(simd, run, place, shaft, packet);
-                let blocked = (at.possible & at.sure).bits();
+                let blocked = shapes.surely_hit(simd, record, shaft, packet).bits();
                 asked.block(simd, packet, blocked);
                 answered += u64::from(blocked.count_ones());
                 *primitive_tests += packet.len as u64;
@@ -162,31 +161,21 @@ impl<S: Simd, const W: usize> Part<S> for Blocked<'_, W> {
     fn run(self, simd: S) -> u32 {
         let Self { shapes, rays, left, record } = self;
         let (run, place) = shapes.place_of(record);
-        let number = shapes.number(run.kind, run.first + place);
-        let (front, back) = run.hittable::<W>(Left::lanes_that_leave::<S, W>(simd, left, number));
-        let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
         let lanes = rays.lanes(simd);
+        let leaving = Left::lanes_that_leave::<S, W>(simd, left, shapes.number(run.kind, run.first + place));
+        let (front, back) = run.hittable::<W>(leaving);
+        let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
         let at = match run.kind {
             PrimitiveKind::Sphere => {
-                let (center, radius) = shapes.sphere_block(run).one(simd, place as usize);
-                let [origin, direction] = [lanes.origin, lanes.direction];
-                interval::sphere(
-                    simd,
-                    center,
-                    radius,
-                    origin,
-                    direction,
-                    lanes.unit,
-                    &lanes.span,
-                    front,
-                    back,
-                )
+                let sphere = shapes.sphere_block(run).one(simd, place as usize);
+                let chords = Chords::of(simd, sphere, lanes.origin, lanes.direction, lanes.unit);
+                chords.intervals(simd, &lanes.span, front, back)
             }
             PrimitiveKind::Triangle => {
                 let [a, b, c] = shapes.triangle_block(run).one(simd, place as usize, [0, 1, 2]);
                 let vertices = [lanes.shear(a), lanes.shear(b), lanes.shear(c)];
-                let unit = [lanes.unit, 1.0];
-                interval::triangle(simd, vertices, lanes.factors[2], unit, &lanes.span, front, back)
+                let rounding = Rounding { unit: lanes.unit, scale: 1.0 };
+                Sheared::of(vertices).intervals(simd, rounding, lanes.factors[2], &lanes.span, front, back)
             }
             // No interval without a shaft.
             PrimitiveKind::Polygon | PrimitiveKind::Cone => return 0,

@@ -11,10 +11,11 @@ use rayset_simd::{LaneMask, Part, Simd};
 
 use crate::exact::Exact;
 use crate::hierarchy::Scratch;
+use crate::leaf::{Asking, Progress};
 use crate::node::{Child, Tree};
 use crate::packet::Packet;
 use crate::shaft::Shaft;
-use crate::together::{Progress, Question};
+use crate::together::Question;
 
 /// A packet goes on as long as it has taken no more than so many quarters of the steps of its rays by themselves: a step
 /// of a packet takes less time than one of a ray, which guesses its way.
@@ -88,18 +89,20 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
         let Scratch { stack, steps, primitive_tests, .. } = scratch;
         let stack = stack.together.as_mut_slice();
         let slabs = packets[0].slabs(simd, shaft.unit);
-        let mut progress = Progress::new(simd, shaft, packets);
+        let progress = Progress::new(simd, shaft, packets);
+        let packets = if ALONE { &mut packets[..1] } else { packets };
+        let mut asking = Asking { exact, shaft, packets, asked, progress };
         let (mut height, mut nodes, mut leaves, mut box_tests) = (0, 0, 0, 0);
         // A packet by itself tests a box before it is opened.
-        let mut worth = if ALONE { packets[0].len } else { 2 * packets.len() } as u64;
+        let mut worth = if ALONE { asking.packets[0].len } else { 2 * asking.packets.len() } as u64;
         let mut current = tree.root;
         let is_done = loop {
             if current.is_leaf() {
                 leaves += 1;
-                exact.ask(simd, current.index(), shaft, packets, asked, &mut progress);
+                asking.leaf::<ALONE>(simd, current.index());
             } else {
                 nodes += 1;
-                height = shaft.push_children(simd, tree, current, progress.reach, stack, height);
+                height = shaft.push_children(simd, tree, current, asking.progress.reach, stack, height);
             }
             let next = loop {
                 if height == 0 {
@@ -107,16 +110,18 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
                 }
                 height -= 1;
                 let Pending { node, lane, begin } = stack[height];
-                if begin > progress.reach {
+                if begin > asking.progress.reach {
                     continue;
                 }
                 let (node, lane) = (&tree.nodes[node as usize], lane as usize % W);
                 box_tests += 1;
                 let entered = if ALONE {
-                    let Packet { start, ends, .. } = packets[0];
+                    let Packet { start, ends, .. } = asking.packets[0];
                     slabs.enter(simd, node.bounds(lane), start, ends).0.bits().count_ones()
                 } else {
-                    2 * shaft.packets_that_meet(simd, node.bounds(lane), &progress.reaches).count_ones()
+                    2 * shaft
+                        .packets_that_meet(simd, node.bounds(lane), &asking.progress.reaches)
+                        .count_ones()
                 };
                 if entered == 0 {
                     continue;
@@ -125,6 +130,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
                 break Some(Child(node.children[lane]));
             };
             let Some(next) = next else { break true };
+            let progress = &asking.progress;
             let (steps, tests) = (nodes + leaves + box_tests + progress.shaft_tests, progress.tests());
             let is_worth_it = if ALONE {
                 4 * (steps + tests) <= PACKET_QUARTERS * worth
@@ -136,6 +142,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
             }
             current = next;
         };
+        let progress = &asking.progress;
         steps.nodes += nodes + progress.shaft_tests + box_tests;
         steps.leaves += leaves;
         *primitive_tests += progress.ray_tests;

@@ -1,8 +1,8 @@
 //! What was found, in double precision: one by one, or a ray and its primitive a lane.
 
 use rayset_geometry::{
-    ColumnRun, Departure, PrimitiveKind, Probe, Ray, RayLanes, ShearedLanes, Side, Sides, Span, Sphere,
-    Triangle,
+    AxesLanes, ColumnRun, Departure, PrimitiveKind, Probe, Ray, RayLanes, ShearedLanes, Side, Sides, Span,
+    Sphere, Triangle,
 };
 use rayset_simd::{LaneMask, Lanes, Part, Scalar, Simd};
 
@@ -83,12 +83,12 @@ impl<S: Simd, const W: usize> Part<S> for ExactTogether<'_, W> {
         let mut hits = ExactHits { lanes: 0, t: [0.0; W], primitive: shapes.number(kind, index) };
         let pairs = S::F64::LANES;
         let mut lane = 0;
-        let least = if kind == PrimitiveKind::Cone { 1 } else { LEAST_TOGETHER };
+        let least = if kind == PrimitiveKind::Sphere { LEAST_TOGETHER } else { 1 };
         let can_go_together = kind != PrimitiveKind::Polygon;
         while can_go_together && lanes >> lane != 0 && first + lane + pairs <= rays.len() {
             let wanted = lanes & (u32::MAX >> (32 - pairs)) << lane;
             if wanted.count_ones() >= least {
-                let pair = rays.lanes(simd, first + lane);
+                let at = first + lane;
                 // A plane is never met again by a ray that leaves it.
                 let not_back = if kind == PrimitiveKind::Triangle { leaving } else { outwards };
                 let front = if sides == Sides::Back { 0 } else { wanted & !leaving };
@@ -96,8 +96,8 @@ impl<S: Simd, const W: usize> Part<S> for ExactTogether<'_, W> {
                 let sides = (simd.mask_f64(front >> lane), simd.mask_f64(back >> lane));
                 let (is_hit, t) = match kind {
                     PrimitiveKind::Triangle => {
-                        let (rays, axes) = ShearedLanes::of(simd, &pair.rays, pair.span);
-                        let vertices = axes.order_all(shapes.triangle(index).splat(simd));
+                        let (rays, order) = rays.sheared(simd, at);
+                        let vertices = order.of_one(simd, shapes.triangle(index));
                         Triangle::intersect_pairs(simd, &rays, vertices, sides)
                     }
                     PrimitiveKind::Sphere => {
@@ -105,9 +105,13 @@ impl<S: Simd, const W: usize> Part<S> for ExactTogether<'_, W> {
                         let [x, y, z] = sphere.center().to_array();
                         let center = [simd.splat_f64(x), simd.splat_f64(y), simd.splat_f64(z)];
                         let sphere = (center, simd.splat_f64(sphere.radius()));
+                        let pair = rays.lanes(simd, at);
                         Sphere::intersect_pairs(simd, &pair.rays, pair.span, sphere, sides)
                     }
-                    _ => shapes.columns.cone_by_rays(simd, index, &pair.rays, pair.span, sides),
+                    _ => {
+                        let pair = rays.lanes(simd, at);
+                        shapes.columns.cone_by_rays(simd, index, &pair.rays, pair.span, sides)
+                    }
                 };
                 t.store(&mut hits.t[lane..]);
                 hits.lanes |= is_hit.bits() << lane;
@@ -156,6 +160,8 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
             let is_whole = first + lane + pairs <= rays.len();
             let (mut spheres, mut triangles) = (Wanted::<W>::NONE, Wanted::<W>::NONE);
             let (mut ball, mut vertices) = (([zero; 3], zero), [[zero; 3]; 3]);
+            let is_flat = is_whole && open != 0 && !shapes.is_only(PrimitiveKind::Sphere);
+            let sheared = if is_flat { Some(rays.sheared(simd, first + lane)) } else { None };
             while open != 0 {
                 let record = records[open.trailing_zeros() as usize % W];
                 // Rays that hit the same fetch it once.
@@ -163,12 +169,18 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
                 open &= !alike;
                 let one = exact.sure(record);
                 let mask = simd.mask_f64(alike >> lane);
-                if one.kind == PrimitiveKind::Triangle && is_whole {
-                    let triangle = shapes.triangle(one.index).splat(simd);
-                    for (lanes, coordinate) in
-                        vertices.as_flattened_mut().iter_mut().zip(triangle.as_flattened())
-                    {
-                        *lanes = coordinate.select(mask, *lanes);
+                if one.kind == PrimitiveKind::Triangle
+                    && let Some((_, order)) = &sheared
+                {
+                    let triangle = order.of_one(simd, shapes.triangle(one.index));
+                    if triangles.lanes == 0 {
+                        vertices = triangle;
+                    } else {
+                        for (lanes, coordinate) in
+                            vertices.as_flattened_mut().iter_mut().zip(triangle.as_flattened())
+                        {
+                            *lanes = coordinate.select(mask, *lanes);
+                        }
                     }
                     let number = shapes.number(one.kind, one.index);
                     // Who leaves it does not surely hit it.
@@ -191,18 +203,15 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
                     }
                 }
             }
-            if (triangles.lanes | spheres.lanes) != 0 {
+            if triangles.lanes != 0
+                && let Some((rays, _)) = &sheared
+            {
+                triangles.write_sure(simd, rays, vertices, &mut found[lane..]);
+            }
+            if spheres.lanes != 0 {
                 let LanesOfColumns { rays: pair, span } = rays.lanes(simd, first + lane);
-                if triangles.lanes != 0 {
-                    let (rays, axes) = ShearedLanes::of(simd, &pair, span);
-                    let vertices = axes.order_all(vertices);
-                    let hits = Triangle::intersect_pairs(simd, &rays, vertices, triangles.sides(simd));
-                    triangles.write(hits, &mut found[lane..]);
-                }
-                if spheres.lanes != 0 {
-                    let hits = Sphere::intersect_pairs(simd, &pair, span, ball, spheres.sides(simd));
-                    spheres.write(hits, &mut found[lane..]);
-                }
+                let hits = Sphere::intersect_pairs(simd, &pair, span, ball, spheres.sides(simd));
+                spheres.write(hits, &mut found[lane..]);
             }
             lane += pairs;
         }
@@ -235,6 +244,48 @@ impl RayColumns<'_> {
     }
 }
 
+/// In which order the coordinates of triangles are wanted.
+enum Order<S: Simd> {
+    /// In that of the axes that all rays have.
+    Common([usize; 3]),
+    /// In that of each ray's own.
+    Own(AxesLanes<S>),
+}
+
+impl<S: Simd> Order<S> {
+    /// The vertices of a triangle, in every lane.
+    #[inline(always)]
+    fn of_one(&self, simd: S, triangle: &Triangle) -> [[S::F64; 3]; 3] {
+        match self {
+            Self::Common(axes) => triangle.splat(simd, *axes),
+            Self::Own(axes) => axes.order_all(triangle.splat(simd, WORLD)),
+        }
+    }
+}
+
+/// The world's axes, in their order.
+const WORLD: [usize; 3] = [0, 1, 2];
+
+impl RayColumns<'_> {
+    /// The same sheared, and the order of their axes: most often all have the same.
+    #[inline(always)]
+    fn sheared<S: Simd>(&self, simd: S, at: usize) -> (ShearedLanes<S>, Order<S>) {
+        let LanesOfColumns { rays, span } = self.lanes(simd, at);
+        let axes = AxesLanes::of(simd, &rays.direction);
+        if let Some(common) = axes.common() {
+            let mut ordered = rays;
+            for (k, axis) in common.into_iter().enumerate() {
+                ordered.origin[k] = simd.load_f64(&self.origins[axis][at..]);
+                ordered.direction[k] = simd.load_f64(&self.directions[axis][at..]);
+            }
+            return (ShearedLanes::of(simd, ordered, span), Order::Common(common));
+        }
+        let RayLanes { origin, direction } = rays;
+        let rays = RayLanes { origin: axes.order(origin), direction: axes.order(direction) };
+        (ShearedLanes::of(simd, rays, span), Order::Own(axes))
+    }
+}
+
 /// A primitive that is surely hit, and the sides it can be hit from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sure {
@@ -246,13 +297,6 @@ pub(crate) struct Sure {
 impl Sure {
     /// What stands where there is none.
     pub(crate) const NONE: Self = Self { kind: PrimitiveKind::Sphere, index: u32::MAX, sides: Sides::Both };
-}
-
-/// Rays of which each is tested against a primitive of its own, a lane each.
-struct Pairs<'a, S: Simd> {
-    rays: RayLanes<S>,
-    span: [S::F64; 2],
-    left: &'a [Left],
 }
 
 /// Rays of columns, and what each leaves.
@@ -306,6 +350,23 @@ impl<const W: usize> Wanted<W> {
     #[inline(always)]
     fn sides<S: Simd>(&self, simd: S) -> (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask) {
         (simd.mask_f64(self.front), simd.mask_f64(self.back))
+    }
+
+    /// Writes the hits of the lanes that were wanted, which surely hit their triangles.
+    #[inline(always)]
+    fn write_sure<S: Simd>(
+        &self,
+        simd: S,
+        rays: &ShearedLanes<S>,
+        vertices: [[S::F64; 3]; 3],
+        found: &mut [HitOrNone],
+    ) {
+        let lanes = simd.mask_f64(self.lanes);
+        if cfg!(debug_assertions) {
+            self.write(Triangle::intersect_pairs(simd, rays, vertices, self.sides(simd)), found);
+        } else {
+            self.write((lanes, Triangle::distances_of_pairs(simd, rays, vertices, lanes)), found);
+        }
     }
 
     /// Writes the hits of the lanes that were wanted.
@@ -393,15 +454,14 @@ impl<const W: usize> Shapes<W> {
             let at = first + lane;
             let wanted = lanes >> lane & (u32::MAX >> (32 - pairs));
             if wanted != 0 {
-                let LanesOfColumns { rays: pair, span } = rays.lanes(simd, at);
-                let pairs = Pairs { rays: pair, span, left: left.get(lane..).unwrap_or(&[]) };
+                let place = (&rays, at, left.get(lane..).unwrap_or(&[]));
                 let mut answered = 0;
                 if !self.is_only(PrimitiveKind::Triangle) {
-                    answered |= self.resolve_spheres(simd, &pairs, &sure[lane..], wanted, &mut found[lane..]);
+                    answered |= self.resolve_spheres(simd, place, &sure[lane..], wanted, &mut found[lane..]);
                 }
                 if !self.is_only(PrimitiveKind::Sphere) {
                     answered |=
-                        self.resolve_triangles(simd, &pairs, &sure[lane..], wanted, &mut found[lane..]);
+                        self.resolve_triangles(simd, place, &sure[lane..], wanted, &mut found[lane..]);
                 }
                 lanes &= !(answered << lane);
             }
@@ -498,13 +558,13 @@ impl<const W: usize> Shapes<W> {
     fn resolve_spheres<S: Simd>(
         &self,
         simd: S,
-        pairs: &Pairs<'_, S>,
+        (rays, at, left): (&RayColumns<'_>, usize, &[Left]),
         sure: &[Sure],
         lanes: u32,
         found: &mut [HitOrNone],
     ) -> u32 {
         let (mut wanted, mut indices) = (Wanted::NONE, [0; W]);
-        self.want(PrimitiveKind::Sphere, pairs.left, sure, lanes, &mut wanted, &mut indices);
+        self.want(PrimitiveKind::Sphere, left, sure, lanes, &mut wanted, &mut indices);
         if wanted.lanes == 0 {
             return 0;
         }
@@ -515,7 +575,8 @@ impl<const W: usize> Shapes<W> {
             simd.collect_f64(|lane| sphere(lane).center().z),
         ];
         let sphere = (center, simd.collect_f64(|lane| sphere(lane).radius()));
-        let hits = Sphere::intersect_pairs(simd, &pairs.rays, pairs.span, sphere, wanted.sides(simd));
+        let LanesOfColumns { rays, span } = rays.lanes(simd, at);
+        let hits = Sphere::intersect_pairs(simd, &rays, span, sphere, wanted.sides(simd));
         wanted.write(hits, found);
         wanted.lanes
     }
@@ -525,20 +586,22 @@ impl<const W: usize> Shapes<W> {
     fn resolve_triangles<S: Simd>(
         &self,
         simd: S,
-        pairs: &Pairs<'_, S>,
+        (rays, at, left): (&RayColumns<'_>, usize, &[Left]),
         sure: &[Sure],
         lanes: u32,
         found: &mut [HitOrNone],
     ) -> u32 {
         let (mut wanted, mut indices) = (Wanted::NONE, [0; W]);
-        self.want(PrimitiveKind::Triangle, pairs.left, sure, lanes, &mut wanted, &mut indices);
+        self.want(PrimitiveKind::Triangle, left, sure, lanes, &mut wanted, &mut indices);
         if wanted.lanes == 0 {
             return 0;
         }
-        let (rays, axes) = ShearedLanes::of(simd, &pairs.rays, pairs.span);
+        let LanesOfColumns { rays: RayLanes { origin, direction }, span } = rays.lanes(simd, at);
+        let axes = AxesLanes::of(simd, &direction);
+        let rays = RayLanes { origin: axes.order(origin), direction: axes.order(direction) };
+        let rays = ShearedLanes::of(simd, rays, span);
         let vertices = axes.order_all(Triangle::collect(simd, &indices.map(|index| self.triangle(index))));
-        let hits = Triangle::intersect_pairs(simd, &rays, vertices, wanted.sides(simd));
-        wanted.write(hits, found);
+        wanted.write_sure(simd, &rays, vertices, found);
         wanted.lanes
     }
 

@@ -9,7 +9,7 @@ use rayset_geometry::glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::Frame;
-use crate::interval::{DEPTH_MARGIN, Edges, Intervals, TriangleBlock, VERTEX_MARGIN, splat};
+use crate::interval::{DEPTH_MARGIN, Intervals, Rounding, Sheared, Sides, TriangleBlock};
 use crate::packet::Packet;
 use crate::ray::CullRay;
 use crate::shaft::Shaft;
@@ -79,24 +79,19 @@ impl<const W: usize> FanBlock<W> {
     /// Tests a ray; `None` if it surely misses everything.
     #[inline(always)]
     pub(crate) fn test<S: Simd, const N: usize>(&self, simd: S, ray: CullRay<'_, N>) -> Option<Fans<W>> {
-        let triangles = &self.triangles;
-        let [a, b, c] =
-            [triangles.vertex(simd, ray, 0), triangles.vertex(simd, ray, 3), triangles.vertex(simd, ray, 6)];
-        let edges = Edges::of(simd, [[a[0], a[1]], [b[0], b[1]], [c[0], c[1]]], VERTEX_MARGIN * ray.unit());
-        let Edges { error, least, greatest, .. } = edges;
-        let possible = (least.ge(-error) | greatest.le(error)).bits();
+        let sheared = self.triangles.shear(simd, ray);
+        let Sides { may_front, may_back, front, back, .. } =
+            sheared.sides(simd, Rounding { unit: ray.unit(), scale: 1.0 });
+        let possible = (may_front | may_back).bits();
         if possible == 0 {
             return None;
         }
-        let twice = error + error;
-        let [_, _, sz] = splat(simd, ray.factors());
-        let (a, b, c) = (sz * a[2], sz * b[2], sz * c[2]);
+        let [a, b, c] = sheared.depths(simd.splat_f32(ray.factors()[2]));
         let slack = simd.splat_f32(DEPTH_MARGIN * ray.unit());
         let (mut lows, mut highs) = ([0.0; W], [0.0; W]);
         (a.min(b).min(c) - slack).store(&mut lows);
         (a.max(b).max(c) + slack).store(&mut highs);
-        let (front, back) = (least.gt(twice).bits(), greatest.lt(-twice).bits());
-        Some(Fans { possible, front, back, lows, highs })
+        Some(Fans { possible, front: front.bits(), back: back.bits(), lows, highs })
     }
 
     /// Where the rays of a packet, a lane each, hit the polygon at a place, whose front and back may be hit by some; spans
@@ -105,7 +100,7 @@ impl<const W: usize> FanBlock<W> {
     pub(crate) fn all_intervals<S: Simd>(
         &self,
         simd: S,
-        place: u32,
+        place: usize,
         shaft: &Shaft<S>,
         packet: &Packet<S, W>,
         (front, back): (<S::F32 as Lanes>::Mask, <S::F32 as Lanes>::Mask),
@@ -116,20 +111,18 @@ impl<const W: usize> FanBlock<W> {
         let (mut low, mut high) = (simd.splat_f32(f32::INFINITY), simd.splat_f32(f32::NEG_INFINITY));
         let unit = shaft.steepness * shaft.unit;
         for lane in 0..W {
-            if self.lanes[lane] == 0 || u32::from(self.owners[lane]) != place {
+            if self.lanes[lane] == 0 || usize::from(self.owners[lane]) != place {
                 continue;
             }
             let [a, b, c] = self.triangles.one(simd, lane, shaft.axes);
-            let [a, b, c] = [packet.shear(a), packet.shear(b), packet.shear(c)];
-            let edges = Edges::of(simd, [[a[0], a[1]], [b[0], b[1]], [c[0], c[1]]], VERTEX_MARGIN * unit);
-            let Edges { error, least, greatest, .. } = edges;
-            let possible = least.ge(-error) | greatest.le(error);
-            let twice = error + error;
+            let vertices = [packet.shear(a), packet.shear(b), packet.shear(c)];
+            let sheared = Sheared::of(vertices);
+            let sides = sheared.sides(simd, shaft.rounding());
+            let possible = sides.may_front | sides.may_back;
             several = several | (met & possible);
             met = met | possible;
-            sure = sure | (least.gt(twice) & front) | (greatest.lt(-twice) & back);
-            let sz = packet.factors[2];
-            let (a, b, c) = (sz * a[2], sz * b[2], sz * c[2]);
+            sure = sure | (sides.front & front) | (sides.back & back);
+            let [a, b, c] = sheared.depths(packet.factors[2]);
             low = low.min(a.min(b).min(c));
             high = high.max(a.max(b).max(c));
         }

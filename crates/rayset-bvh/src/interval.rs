@@ -7,7 +7,7 @@
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::ray::CullRay;
-use crate::shaft::Planes;
+use crate::shaft::BoxBlock;
 
 /// How far the perpendicular from a sphere's centre may be off, in units of the rounding of a coordinate.
 pub const SPHERE_MARGIN: f32 = 34.0;
@@ -101,30 +101,21 @@ impl<const W: usize> SphereBlock<W> {
     ) -> Intervals<S> {
         let [x, y, z] = &self.center;
         let center = [simd.load_f32(x), simd.load_f32(y), simd.load_f32(z)];
+        let sphere = (center, simd.load_f32(&self.radius));
         let span = SpanLanes::of(simd, ray, end);
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
-        sphere(
-            simd,
-            center,
-            simd.load_f32(&self.radius),
-            splat(simd, ray.origin()),
-            splat(simd, ray.direction()),
-            ray.unit(),
-            &span,
-            front,
-            back,
-        )
+        Chords::of(simd, sphere, splat(simd, ray.origin()), splat(simd, ray.direction()), ray.unit())
+            .intervals(simd, &span, front, back)
     }
 
-    /// The box of a sphere.
+    /// The boxes of the spheres.
     #[inline(always)]
-    pub(crate) fn bounds(&self, lane: usize) -> [[f32; 3]; 2] {
-        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+    pub(crate) fn boxes<S: Simd>(&self, simd: S, boxes: &mut BoxBlock<W>) {
+        let radius = simd.load_f32(&self.radius);
         for k in 0..3 {
-            low[k] = self.center[k][lane] - self.radius[lane];
-            high[k] = self.center[k][lane] + self.radius[lane];
+            let center = simd.load_f32(&self.center[k]);
+            boxes.set_all::<S>(k, [center - radius, center + radius]);
         }
-        [low, high]
     }
 
     /// A sphere, the same in every lane: centre and radius.
@@ -136,65 +127,82 @@ impl<const W: usize> SphereBlock<W> {
     }
 }
 
-impl<S: Simd, const W: usize> Planes<S> for SphereBlock<W> {
-    #[inline(always)]
-    fn plane(&self, simd: S, plane: usize) -> S::F32 {
-        let radius = simd.load_f32(&self.radius);
-        if plane < 3 {
-            simd.load_f32(&self.center[plane]) - radius
-        } else {
-            simd.load_f32(&self.center[plane - 3]) + radius
-        }
-    }
+/// The chords of rays in spheres, a pair a lane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Chords<S: Simd> {
+    /// How far along the ray its middle lies.
+    along: S::F32,
+    /// Half its length, squared.
+    discriminant: S::F32,
+    /// How far that may be off.
+    error: S::F32,
+    unit: f32,
 }
 
-/// Where rays hit spheres, a pair a lane.
-#[inline(always)]
-#[expect(clippy::too_many_arguments, reason = "lanes, which must not go through memory")]
-pub(crate) fn sphere<S: Simd>(
-    simd: S,
-    center: [S::F32; 3],
-    radius: S::F32,
-    [ox, oy, oz]: [S::F32; 3],
-    [dx, dy, dz]: [S::F32; 3],
-    unit: f32,
-    span: &SpanLanes<S>,
-    front: <S::F32 as Lanes>::Mask,
-    back: <S::F32 as Lanes>::Mask,
-) -> Intervals<S> {
-    let (x, y, z) = (center[0] - ox, center[1] - oy, center[2] - oz);
-    let along = x.mul_add(dx, y.mul_add(dy, z * dz));
-    let (lx, ly, lz) = (x - along * dx, y - along * dy, z - along * dz);
-    let lateral = lx.mul_add(lx, ly.mul_add(ly, lz * lz));
-    let discriminant = radius * radius - lateral;
-    let error = SPHERE_MARGIN * unit;
-    // r^2 - l^2 is off by 2 E r, rounded up, and what is left of second order.
-    let error = radius.mul_add(simd.splat_f32(3.0 * error), simd.splat_f32(5.0 * error * error));
-    let slack = simd.splat_f32(SPHERE_DISTANCE_MARGIN * unit);
-    let (below, above) = (along - slack, along + slack);
-    let ends = span.ends;
-    let zero = simd.splat_f32(0.0);
-    let wide = discriminant + error;
-    // Most leaves are done with here, and the roots are what costs most.
-    let real = wide.ge(zero) & (front | back);
-    if !real.any() {
-        return Intervals { possible: real, sure: real, low: zero, high: zero };
+impl<S: Simd> Chords<S> {
+    /// By centre and radius, origin and direction, and the rounding of a coordinate.
+    #[inline(always)]
+    pub(crate) fn of(
+        simd: S,
+        (center, radius): ([S::F32; 3], S::F32),
+        [ox, oy, oz]: [S::F32; 3],
+        [dx, dy, dz]: [S::F32; 3],
+        unit: f32,
+    ) -> Self {
+        let (x, y, z) = (center[0] - ox, center[1] - oy, center[2] - oz);
+        let along = x.mul_add(dx, y.mul_add(dy, z * dz));
+        let (lx, ly, lz) = (x - along * dx, y - along * dy, z - along * dz);
+        let lateral = lx.mul_add(lx, ly.mul_add(ly, lz * lz));
+        let discriminant = radius * radius - lateral;
+        let error = SPHERE_MARGIN * unit;
+        // r^2 - l^2 is off by 2 E r, rounded up, and what is left of second order.
+        let error = radius.mul_add(simd.splat_f32(3.0 * error), simd.splat_f32(5.0 * error * error));
+        Self { along, discriminant, error, unit }
     }
-    let widest = wide.max(zero).sqrt();
-    let narrowest = (discriminant - error).max(zero).sqrt();
-    let surely_real = discriminant.gt(error);
-    let (near_low, near_high) = (below - widest, above - narrowest);
-    let (far_low, far_high) = (below + narrowest, above + widest);
-    // The front counts if it lies in the span, else the back.
-    let may_enter = real & front & near_high.ge(span.start) & near_low.le(ends);
-    let may_leave = real & back & far_high.ge(span.start) & far_low.le(ends);
-    let enters = surely_real & front & near_low.gt(span.start_above) & near_high.lt(span.end_below);
-    let leaves = surely_real & !may_enter & back & far_low.gt(span.start_above) & far_high.lt(span.end_below);
-    Intervals {
-        possible: may_enter | may_leave,
-        sure: enters | leaves,
-        low: near_low.select(may_enter, far_low),
-        high: near_high.select(enters, far_high),
+
+    /// The pairs of which the ray may meet the sphere, before or behind.
+    #[inline(always)]
+    pub(crate) fn are_real(&self, simd: S) -> <S::F32 as Lanes>::Mask {
+        (self.discriminant + self.error).ge(simd.splat_f32(0.0))
+    }
+
+    /// Where the rays hit the spheres, of which the front and the back may be hit by some.
+    #[inline(always)]
+    pub(crate) fn intervals(
+        &self,
+        simd: S,
+        span: &SpanLanes<S>,
+        front: <S::F32 as Lanes>::Mask,
+        back: <S::F32 as Lanes>::Mask,
+    ) -> Intervals<S> {
+        let Self { along, discriminant, error, unit } = *self;
+        let slack = simd.splat_f32(SPHERE_DISTANCE_MARGIN * unit);
+        let (below, above) = (along - slack, along + slack);
+        let ends = span.ends;
+        let zero = simd.splat_f32(0.0);
+        let wide = discriminant + error;
+        let real = wide.ge(zero) & (front | back);
+        // Most leaves are done with here, and the roots are what costs most.
+        if !real.any() {
+            return Intervals { possible: real, sure: real, low: zero, high: zero };
+        }
+        let widest = wide.max(zero).sqrt();
+        let narrowest = (discriminant - error).max(zero).sqrt();
+        let surely_real = discriminant.gt(error);
+        let (near_low, near_high) = (below - widest, above - narrowest);
+        let (far_low, far_high) = (below + narrowest, above + widest);
+        // The front counts if it lies in the span, else the back.
+        let may_enter = real & front & near_high.ge(span.start) & near_low.le(ends);
+        let may_leave = real & back & far_high.ge(span.start) & far_low.le(ends);
+        let enters = surely_real & front & near_low.gt(span.start_above) & near_high.lt(span.end_below);
+        let leaves =
+            surely_real & !may_enter & back & far_low.gt(span.start_above) & far_high.lt(span.end_below);
+        Intervals {
+            possible: may_enter | may_leave,
+            sure: enters | leaves,
+            low: near_low.select(may_enter, far_low),
+            high: near_high.select(enters, far_high),
+        }
     }
 }
 
@@ -209,6 +217,12 @@ impl<const W: usize> TriangleBlock<W> {
         }
     }
 
+    /// The triangles, sheared along a ray.
+    #[inline(always)]
+    pub(crate) fn shear<S: Simd, const N: usize>(&self, simd: S, ray: CullRay<'_, N>) -> Sheared<S> {
+        Sheared::of([self.vertex(simd, ray, 0), self.vertex(simd, ray, 3), self.vertex(simd, ray, 6)])
+    }
+
     /// Where a ray hits the triangles whose `front` and `back` may be hit.
     #[inline(always)]
     pub(crate) fn intervals<S: Simd, const N: usize>(
@@ -219,11 +233,11 @@ impl<const W: usize> TriangleBlock<W> {
         front: u32,
         back: u32,
     ) -> Intervals<S> {
-        let vertices = [self.vertex(simd, ray, 0), self.vertex(simd, ray, 3), self.vertex(simd, ray, 6)];
         let span = SpanLanes::of(simd, ray, end);
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
-        let [_, _, sz] = ray.factors();
-        triangle(simd, vertices, simd.splat_f32(sz), [ray.unit(), 1.0], &span, front, back)
+        let rounding = Rounding { unit: ray.unit(), scale: 1.0 };
+        let depth = simd.splat_f32(ray.factors()[2]);
+        self.shear(simd, ray).intervals(simd, rounding, depth, &span, front, back)
     }
 
     /// Three columns, sheared.
@@ -244,108 +258,186 @@ impl<const W: usize> TriangleBlock<W> {
     }
 }
 
-/// Where rays hit triangles, a pair a lane, by sheared vertices and what turns their depths into distances; with the
-/// rounding of a coordinate, and by how much more a shear along an axis that is not the dominant one adds to it.
-#[inline(always)]
-pub(crate) fn triangle<S: Simd>(
-    simd: S,
-    [[ax, ay, az], [bx, by, bz], [cx, cy, cz]]: [[S::F32; 3]; 3],
-    sz: S::F32,
-    [unit, scale]: [f32; 2],
-    span: &SpanLanes<S>,
-    front: <S::F32 as Lanes>::Mask,
-    back: <S::F32 as Lanes>::Mask,
-) -> Intervals<S> {
-    let Edges { u, v, w, error, least, greatest } =
-        Edges::of(simd, [[ax, ay], [bx, by], [cx, cy]], scale * VERTEX_MARGIN * unit);
-    let twice = error + error;
-    let possible = (least.ge(-error) & front) | (greatest.le(error) & back);
-    if !possible.any() {
-        // Most leaves are done with here.
-        return Intervals { possible, sure: possible, low: error, high: error };
-    }
-    let sure = (least.gt(twice) & front) | (greatest.lt(-twice) & back);
-    let (a_depth, b_depth, c_depth) = (sz * az, sz * bz, sz * cz);
-    let nearest = a_depth.min(b_depth).min(c_depth);
-    let range = a_depth.max(b_depth).max(c_depth) - nearest;
-    let determinant = u + v + w;
-    let inverse = simd.splat_f32(1.0) / determinant;
-    let t = u.mul_add(a_depth, v.mul_add(b_depth, w * c_depth)) * inverse;
-    let slack = simd.splat_f32(scale * TRIANGLE_DISTANCE_MARGIN * unit);
-    let weights = simd.splat_f32(6.5) * error * range * inverse.abs();
-    let low = (t - (weights + slack)).select(sure, nearest - slack);
-    let high = t + (weights + slack);
-    let possible = possible & low.le(span.ends) & !(sure & high.lt(span.start));
-    Intervals {
-        possible,
-        sure: sure & possible & low.gt(span.start_above) & high.lt(span.end_below),
-        low,
-        high,
-    }
-}
-
-/// The edge functions of sheared triangles, how far they may be off, and the least and the greatest of them.
+/// Triangles sheared along rays, a pair a lane, and their edge functions.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Edges<S: Simd> {
+pub(crate) struct Sheared<S: Simd> {
+    vertices: [[S::F32; 3]; 3],
     u: S::F32,
     v: S::F32,
     w: S::F32,
-    pub(crate) error: S::F32,
-    pub(crate) least: S::F32,
-    pub(crate) greatest: S::F32,
+    least: S::F32,
+    greatest: S::F32,
 }
 
-impl<S: Simd> Edges<S> {
+/// The rounding of a coordinate, and by how much more a shear along an axis that is not the dominant one adds to it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rounding {
+    pub(crate) unit: f32,
+    pub(crate) scale: f32,
+}
+
+impl Rounding {
+    /// How far a sheared vertex may be off.
     #[inline(always)]
-    pub(crate) fn of(simd: S, [[ax, ay], [bx, by], [cx, cy]]: [[S::F32; 2]; 3], vertex_error: f32) -> Self {
+    fn of_vertex(self) -> f32 {
+        self.scale * VERTEX_MARGIN * self.unit
+    }
+
+    /// How far the edge functions of a triangle may be off if the ray passes through it, by its largest extent along an
+    /// axis.
+    #[inline(always)]
+    pub(crate) fn of_edges<S: Simd>(self, simd: S, extent: S::F32) -> S::F32 {
+        // No vertex is farther from the ray than twice the extent, sheared.
+        let error = self.of_vertex();
+        let (linear, constant) = (16.0 * error * self.scale, 48.0 * error * error);
+        extent.mul_add(simd.splat_f32(linear), simd.splat_f32(constant))
+    }
+}
+
+impl<S: Simd> Sheared<S> {
+    #[inline(always)]
+    pub(crate) fn of(vertices: [[S::F32; 3]; 3]) -> Self {
+        let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = vertices;
         let u = cx.mul_sub(by, cy * bx);
         let v = ax.mul_sub(cy, ay * cx);
         let w = bx.mul_sub(ay, by * ax);
+        Self { vertices, u, v, w, least: u.min(v).min(w), greatest: u.max(v).max(w) }
+    }
+
+    /// The pairs of which the ray may pass through the triangle, by [`Rounding::of_edges`]: some more than
+    /// [`Sheared::sides`] says, and sooner known.
+    #[inline(always)]
+    pub(crate) fn near(&self, error: S::F32) -> <S::F32 as Lanes>::Mask {
+        self.least.ge(-error) | self.greatest.le(error)
+    }
+
+    /// From which sides the rays pass through the triangles.
+    #[inline(always)]
+    pub(crate) fn sides(&self, simd: S, rounding: Rounding) -> Sides<S> {
+        let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = self.vertices;
         let size = ax.max_abs(ay).max_abs(bx.max_abs(by)).max_abs(cx.max_abs(cy));
         // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
-        let (first, second) = (8.0 * vertex_error, 4.0 * vertex_error * vertex_error);
+        let error = rounding.of_vertex();
+        let (first, second) = (8.0 * error, 4.0 * error * error);
         let error = size.mul_add(simd.splat_f32(first), simd.splat_f32(second));
-        Self { u, v, w, error, least: u.min(v).min(w), greatest: u.max(v).max(w) }
+        let twice = error + error;
+        Sides {
+            error,
+            may_front: self.least.ge(-error),
+            may_back: self.greatest.le(error),
+            front: self.least.gt(twice),
+            back: self.greatest.lt(-twice),
+        }
+    }
+
+    /// How far along the rays the vertices lie, by what turns depths into distances.
+    #[inline(always)]
+    pub(crate) fn depths(&self, sz: S::F32) -> [S::F32; 3] {
+        let [[_, _, az], [_, _, bz], [_, _, cz]] = self.vertices;
+        [sz * az, sz * bz, sz * cz]
+    }
+
+    /// Where the rays hit the triangles, of which the front and the back may be hit by some; by what turns depths into
+    /// distances.
+    #[inline(always)]
+    pub(crate) fn intervals(
+        &self,
+        simd: S,
+        rounding: Rounding,
+        sz: S::F32,
+        span: &SpanLanes<S>,
+        front: <S::F32 as Lanes>::Mask,
+        back: <S::F32 as Lanes>::Mask,
+    ) -> Intervals<S> {
+        let sides = self.sides(simd, rounding);
+        let possible = (sides.may_front & front) | (sides.may_back & back);
+        if !possible.any() {
+            // Most leaves are done with here.
+            return Intervals { possible, sure: possible, low: sides.error, high: sides.error };
+        }
+        let Self { u, v, w, .. } = *self;
+        let sure = (sides.front & front) | (sides.back & back);
+        let [a_depth, b_depth, c_depth] = self.depths(sz);
+        let nearest = a_depth.min(b_depth).min(c_depth);
+        let range = a_depth.max(b_depth).max(c_depth) - nearest;
+        let determinant = u + v + w;
+        let inverse = simd.splat_f32(1.0) / determinant;
+        let t = u.mul_add(a_depth, v.mul_add(b_depth, w * c_depth)) * inverse;
+        let slack = simd.splat_f32(rounding.scale * TRIANGLE_DISTANCE_MARGIN * rounding.unit);
+        let weights = simd.splat_f32(6.5) * sides.error * range * inverse.abs();
+        let low = (t - (weights + slack)).select(sure, nearest - slack);
+        let high = t + (weights + slack);
+        let possible = possible & low.le(span.ends) & !(sure & high.lt(span.start));
+        Intervals {
+            possible,
+            sure: sure & possible & low.gt(span.start_above) & high.lt(span.end_below),
+            low,
+            high,
+        }
+    }
+}
+
+/// From which sides rays pass through triangles, a pair a lane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sides<S: Simd> {
+    /// How far the edge functions may be off.
+    error: S::F32,
+    /// Whether a ray may pass through the front, and the back.
+    pub(crate) may_front: <S::F32 as Lanes>::Mask,
+    pub(crate) may_back: <S::F32 as Lanes>::Mask,
+    /// Whether it surely does.
+    pub(crate) front: <S::F32 as Lanes>::Mask,
+    pub(crate) back: <S::F32 as Lanes>::Mask,
+}
+
+impl<S: Simd> Intervals<S> {
+    /// None is possible.
+    #[inline(always)]
+    pub(crate) fn none(simd: S) -> Self {
+        let (none, zero) = (simd.mask_f32(0), simd.splat_f32(0.0));
+        Self { possible: none, sure: none, low: zero, high: zero }
     }
 }
 
 impl<const W: usize> TriangleBlock<W> {
-    /// The box of a triangle.
+    /// The boxes of the triangles, and the largest extent of each along an axis.
     #[inline(always)]
-    pub(crate) fn bounds(&self, lane: usize) -> [[f32; 3]; 2] {
-        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+    pub(crate) fn boxes<S: Simd>(&self, simd: S, boxes: &mut BoxBlock<W>) -> S::F32 {
+        let mut extent = simd.splat_f32(0.0);
         for k in 0..3 {
-            let [a, b, c] = [self.vertices[k][lane], self.vertices[3 + k][lane], self.vertices[6 + k][lane]];
-            low[k] = a.min(b).min(c);
-            high[k] = a.max(b).max(c);
+            let a = simd.load_f32(&self.vertices[k]);
+            let (b, c) = (simd.load_f32(&self.vertices[3 + k]), simd.load_f32(&self.vertices[6 + k]));
+            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+            extent = extent.max(high - low);
+            boxes.set_all::<S>(k, [low, high]);
         }
-        [low, high]
+        extent
+    }
+
+    /// The columns of the coordinates of three vertices, in an order of the axes.
+    #[inline(always)]
+    pub(crate) fn columns(&self, [x, y, z]: [usize; 3]) -> [[&[f32; W]; 3]; 3] {
+        let [ax, ay, az, bx, by, bz, cx, cy, cz] = &self.vertices;
+        let [a, b, c] = [[ax, ay, az], [bx, by, bz], [cx, cy, cz]];
+        [[a[x], a[y], a[z]], [b[x], b[y], b[z]], [c[x], c[y], c[z]]]
     }
 
     /// A triangle's vertices, the same in every lane.
     #[inline(always)]
     pub(crate) fn one<S: Simd>(&self, simd: S, lane: usize, axes: [usize; 3]) -> [[S::F32; 3]; 3] {
-        let [x, y, z] = axes;
-        let mut vertices = [[simd.splat_f32(0.0); 3]; 3];
-        for (v, vertex) in vertices.iter_mut().enumerate() {
-            *vertex = [
-                simd.splat_f32(self.vertices[3 * v + x][lane]),
-                simd.splat_f32(self.vertices[3 * v + y][lane]),
-                simd.splat_f32(self.vertices[3 * v + z][lane]),
-            ];
-        }
-        vertices
+        one_of(simd, &self.columns(axes), lane)
     }
 }
 
-impl<S: Simd, const W: usize> Planes<S> for TriangleBlock<W> {
-    #[inline(always)]
-    fn plane(&self, simd: S, plane: usize) -> S::F32 {
-        let k = plane % 3;
-        let a = simd.load_f32(&self.vertices[k]);
-        let (b, c) = (simd.load_f32(&self.vertices[3 + k]), simd.load_f32(&self.vertices[6 + k]));
-        if plane < 3 { a.min(b).min(c) } else { a.max(b).max(c) }
-    }
+/// A triangle's vertices by their columns, the same in every lane.
+#[inline(always)]
+pub(crate) fn one_of<S: Simd, const W: usize>(
+    simd: S,
+    [a, b, c]: &[[&[f32; W]; 3]; 3],
+    lane: usize,
+) -> [[S::F32; 3]; 3] {
+    let at = |[x, y, z]: &[&[f32; W]; 3]| [x[lane % W], y[lane % W], z[lane % W]];
+    [splat(simd, at(a)), splat(simd, at(b)), splat(simd, at(c))]
 }
 
 #[cfg(test)]
@@ -453,11 +545,19 @@ mod tests {
                     block.set(3, vertices);
                     wide.set(3, vertices);
                     let end = cull.end(span.end);
-                    let found = if S::F32::LANES == 16 {
-                        wide.intervals(simd, cull, end, u32::MAX, u32::MAX)
+                    let rounding = Rounding { unit: cull.unit(), scale: 1.0 };
+                    let (mut found, near) = if S::F32::LANES == 16 {
+                        let error =
+                            rounding.of_edges(simd, wide.boxes(simd, &mut BoxBlock::<16>::EMPTY.clone()));
+                        let found = wide.intervals(simd, cull, end, u32::MAX, u32::MAX);
+                        (found, wide.shear(simd, cull).near(error))
                     } else {
-                        block.intervals(simd, cull, end, u32::MAX, u32::MAX)
+                        let error =
+                            rounding.of_edges(simd, block.boxes(simd, &mut BoxBlock::<8>::EMPTY.clone()));
+                        let found = block.intervals(simd, cull, end, u32::MAX, u32::MAX);
+                        (found, block.shear(simd, cull).near(error))
                     };
+                    (found.possible, found.sure) = (found.possible & near, found.sure & near);
                     (found, triangle.intersect(&probe, Sides::Both, None))
                 } else if let Some(sphere) = sphere {
                     let mut block = SphereBlock::<8>::EMPTY;

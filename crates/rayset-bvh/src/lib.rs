@@ -34,6 +34,7 @@ mod few;
 mod frame;
 mod hierarchy;
 mod interval;
+mod leaf;
 mod node;
 mod own;
 mod packet;

@@ -6,6 +6,7 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::frame::{Frame, round_down, round_up};
+use crate::interval::SpanLanes;
 use crate::ray::{FAR, HIT_MARGIN, LEAST_COMPONENT, SINGLE, SLAB_MARGIN};
 
 /// Where a lane without a ray ends, and one that asks for nothing more.
@@ -269,6 +270,28 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         (lanes, lanes & self.left_front)
     }
 
+    /// The same in lanes, of the primitive at a place of some numbers; `None` if the rays leave nothing.
+    #[inline(always)]
+    pub(crate) fn lanes_that_leave(
+        &self,
+        simd: S,
+        numbers: &[u32],
+        place: usize,
+    ) -> Option<(<S::F32 as Lanes>::Mask, <S::F32 as Lanes>::Mask)> {
+        if !self.leaves {
+            return None;
+        }
+        let lanes = simd.equal_u32(&self.left, numbers[place]);
+        Some((lanes, lanes & simd.mask_f32(self.left_front)))
+    }
+
+    /// The spans of its rays.
+    #[inline(always)]
+    pub(crate) fn span(&self) -> SpanLanes<S> {
+        let Self { start, start_above, end_below, ends, .. } = *self;
+        SpanLanes { start, start_above, end_below, ends }
+    }
+
     /// What is known of the rays, each a hit or none: it bounds what is still to be found. A sphere that a ray leaves into
     /// its inside and is known to hit is not asked again.
     #[inline(always)]
@@ -283,14 +306,14 @@ impl<S: Simd, const W: usize> Packet<S, W> {
                 }
             }
         }
-        self.ends = self.ends.min(simd.load_f32(&ends)).select(simd.mask_f32(lanes), self.ends);
+        self.ends.min(simd.load_f32(&ends)).put(simd.mask_f32(lanes), &mut self.ends);
         self.known = lanes;
     }
 
     /// The lanes that are answered ask for nothing more.
     #[inline(always)]
     pub(crate) fn close(&mut self, simd: S, lanes: u32) {
-        self.ends = simd.splat_f32(NOWHERE).select(simd.mask_f32(lanes), self.ends);
+        simd.splat_f32(NOWHERE).put(simd.mask_f32(lanes), &mut self.ends);
     }
 }
 

@@ -12,6 +12,7 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::descent::Pending;
 use crate::frame::CullBox;
+use crate::interval::Rounding;
 use crate::node::{Child, Node, Tree};
 use crate::packet::Packet;
 
@@ -164,6 +165,12 @@ impl<S: Simd> Shaft<S> {
         })
     }
 
+    /// How far tests along its axis may be off.
+    #[inline(always)]
+    pub(crate) fn rounding(&self) -> Rounding {
+        Rounding { unit: self.unit, scale: self.steepness }
+    }
+
     /// How far along the axis any ray of a packet may still find something, times the sense of the axis.
     #[inline(always)]
     pub(crate) fn reach<const W: usize>(&self, simd: S, packet: &Packet<S, W>) -> f32 {
@@ -272,6 +279,13 @@ impl<const W: usize> BoxBlock<W> {
     /// A block without boxes: no comparison with NaN holds.
     pub(crate) const EMPTY: Self = Self { planes: [[f32::NAN; W]; 6] };
 
+    /// Sets the lower and upper planes of all boxes along an axis.
+    #[inline(always)]
+    pub(crate) fn set_all<S: Simd>(&mut self, axis: usize, [low, high]: [S::F32; 2]) {
+        low.store(&mut self.planes[axis]);
+        high.store(&mut self.planes[3 + axis]);
+    }
+
     pub(crate) fn set(&mut self, lane: usize, bounds: &CullBox) {
         for k in 0..3 {
             self.planes[k][lane] = bounds.low[k];
@@ -282,7 +296,7 @@ impl<const W: usize> BoxBlock<W> {
     /// The box of a primitive.
     #[inline(always)]
     pub(crate) fn bounds(&self, lane: usize) -> [[f32; 3]; 2] {
-        let plane = |k: usize| self.planes[k][lane];
+        let plane = |k: usize| self.planes[k][lane % W];
         [[plane(0), plane(1), plane(2)], [plane(3), plane(4), plane(5)]]
     }
 }

@@ -288,10 +288,22 @@ impl<const W: usize> Shapes<W> {
         &self.triangles[index as usize]
     }
 
+    /// The triangles of a run, and those after it.
+    #[inline(always)]
+    pub(crate) fn triangles_of(&self, run: &Run) -> &[Triangle] {
+        &self.triangles[run.first as usize..]
+    }
+
     /// The number of a primitive of a kind.
     #[inline(always)]
     pub(crate) fn number(&self, kind: PrimitiveKind, index: u32) -> u32 {
         self.numbers[kind as usize][index as usize]
+    }
+
+    /// The numbers of the primitives of a run, and of those after it.
+    #[inline(always)]
+    pub(crate) fn numbers_of(&self, run: &Run) -> &[u32] {
+        &self.numbers[run.kind as usize][run.first as usize..]
     }
 
     /// What a ray leaves, by its place.
@@ -411,6 +423,10 @@ impl<const W: usize> Shapes<W> {
             }
             let index = run.first + lane;
             if sure >> lane & 1 == 1 && high < nearest.low {
+                if !C::SPHERES {
+                    // It will be asked where, exactly, when all rays of the lanes have come to an end.
+                    simd.fetch(&self.triangles[index as usize]);
+                }
                 let sure = Sure { kind: run.kind, index, sides: run.sides };
                 *nearest = Nearest { low, found: Found::Sure(sure) };
                 *end = high;

@@ -1,21 +1,18 @@
-//! What packets ask for, and the leaves that answer: one primitive against all rays of a packet.
+//! What packets ask for, and the answers so far.
 
-use rayset_geometry::PrimitiveKind;
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
-use crate::axes::AxisRays;
 use crate::columns::HitOrNone;
-use crate::exact::{Exact, ExactHits, ExactSure, ExactTogether, NONE, PLACE_BITS, Sure, record_of};
-use crate::interval::{self, Intervals, SpanLanes};
+use crate::exact::{Exact, ExactHits, ExactSure, ExactTogether, NONE, Sure};
+use crate::interval::Intervals;
 use crate::packet::Packet;
-use crate::shaft::Shaft;
-use crate::shapes::{Hit, Run, Shapes};
-
-/// What it costs to test a primitive against the rays of a packet, in steps.
-pub(crate) const PACKET_TEST_STEPS: u64 = 2;
+use crate::shapes::Hit;
 
 /// What the rays of a packet ask for, and the answers so far.
 pub(crate) trait Question<S: Simd, const W: usize>: Copy {
+    /// Whether it is asked where exactly a hit is.
+    const EXACT: bool;
+
     /// Nothing is known yet.
     fn new(simd: S) -> Self;
 
@@ -46,6 +43,8 @@ pub(crate) struct Nearest<S: Simd> {
 }
 
 impl<S: Simd, const W: usize> Question<S, W> for Nearest<S> {
+    const EXACT: bool = true;
+
     #[inline(always)]
     fn new(simd: S) -> Self {
         Self { lows: simd.splat_f32(f32::INFINITY), records: simd.splat_f32(f32::from_bits(NONE)) }
@@ -63,9 +62,9 @@ impl<S: Simd, const W: usize> Question<S, W> for Nearest<S> {
         let taken = at.possible & at.sure & at.high.lt(self.lows);
         let unsure = (at.possible & !taken).bits();
         let tests = unsure.count_ones();
-        self.lows = at.low.select(taken, self.lows);
-        packet.ends = at.high.select(taken, packet.ends);
-        self.records = simd.splat_f32(f32::from_bits(record)).select(taken, self.records);
+        at.low.put(taken, &mut self.lows);
+        at.high.put(taken, &mut packet.ends);
+        simd.splat_f32(f32::from_bits(record)).put(taken, &mut self.records);
         if unsure != 0 {
             let hits = exact.hits(simd, packet, unsure, record);
             let mut lanes = hits.lanes;
@@ -116,9 +115,9 @@ impl<S: Simd> Nearest<S> {
             }
         }
         let mask = simd.mask_f32(1 << lane);
-        self.records = simd.splat_f32(f32::from_bits(record)).select(mask, self.records);
-        self.lows = simd.splat_f32(low).select(mask, self.lows);
-        packet.ends = simd.splat_f32(high).select(mask, packet.ends);
+        simd.splat_f32(f32::from_bits(record)).put(mask, &mut self.records);
+        simd.splat_f32(low).put(mask, &mut self.lows);
+        simd.splat_f32(high).put(mask, &mut packet.ends);
     }
 
     /// What the rays of a packet have found, exactly.
@@ -148,59 +147,6 @@ impl<const W: usize> Exact<'_, W> {
         let leaving = packet.leaving(simd, self.shapes.number(kind, index));
         simd.outline(ExactTogether { exact: self, first: packet.first, lanes, leaving, record })
     }
-
-    /// Tests a leaf against the packets of a shaft.
-    #[inline(always)]
-    pub(crate) fn ask<S: Simd, Q: Question<S, W>>(
-        &self,
-        simd: S,
-        first_run: usize,
-        shaft: &Shaft<S>,
-        packets: &mut [Packet<S, W>],
-        asked: &mut [Q],
-        progress: &mut Progress<W>,
-    ) {
-        let shapes = self.shapes;
-        let mut i = first_run;
-        loop {
-            let run = &shapes.runs()[i];
-            let mut candidates = shapes.candidates(simd, run, shaft, progress.reach);
-            let mut is_new = false;
-            while candidates != 0 {
-                let place = candidates.trailing_zeros();
-                candidates &= candidates - 1;
-                let mut met = 1;
-                if packets.len() > 1 {
-                    progress.shaft_tests += 1;
-                    met =
-                        shaft.packets_that_meet(simd, shapes.bounds(run, place as usize), &progress.reaches);
-                }
-                while met != 0 {
-                    let p = met.trailing_zeros() as usize;
-                    met &= met - 1;
-                    let (packet, asked) = (&mut packets[p], &mut asked[p]);
-                    progress.packet_tests += 1;
-                    progress.ray_tests += packet.len as u64;
-                    let at = shapes.all_intervals(simd, run, place, shaft, packet);
-                    if at.possible.any() {
-                        let (is_nearer, tests) = asked.take(simd, self, packet, record_of(i, place), &at);
-                        progress.exact_steps += u64::from(tests * shapes.exact_steps(run));
-                        if is_nearer {
-                            progress.reaches[p] = shaft.reach(simd, packet);
-                            is_new = true;
-                        }
-                    }
-                }
-            }
-            if is_new {
-                progress.sum_up(simd);
-            }
-            if !run.goes_on {
-                return;
-            }
-            i += 1;
-        }
-    }
 }
 
 /// Whether anything is hit.
@@ -224,6 +170,8 @@ impl Hidden {
 }
 
 impl<S: Simd, const W: usize> Question<S, W> for Hidden {
+    const EXACT: bool = false;
+
     #[inline(always)]
     fn new(_: S) -> Self {
         Self { lanes: 0, blocked: 0, record: NONE }
@@ -265,170 +213,6 @@ impl<S: Simd, const W: usize> Question<S, W> for Hidden {
     }
 }
 
-/// How far the packets of a shaft still reach along its axis, and what testing them took.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Progress<const W: usize> {
-    /// Of each packet; of those that are not there, nowhere.
-    pub(crate) reaches: [f32; W],
-    /// The farthest.
-    pub(crate) reach: f32,
-    /// Tests of a primitive against the shafts of the packets.
-    pub(crate) shaft_tests: u64,
-    /// Tests of a primitive against the rays of a packet.
-    pub(crate) packet_tests: u64,
-    /// How many rays those were.
-    pub(crate) ray_tests: u64,
-    /// Steps for tests in double precision, where single precision was not sure.
-    pub(crate) exact_steps: u64,
-}
-
-impl<const W: usize> Progress<W> {
-    #[inline(always)]
-    pub(crate) fn new<S: Simd>(simd: S, shaft: &Shaft<S>, packets: &[Packet<S, W>]) -> Self {
-        let mut reaches = [-1e30; W];
-        for (reach, packet) in reaches.iter_mut().zip(packets) {
-            *reach = shaft.reach(simd, packet);
-        }
-        let mut progress =
-            Self { reaches, reach: 0.0, shaft_tests: 0, packet_tests: 0, ray_tests: 0, exact_steps: 0 };
-        progress.sum_up(simd);
-        progress
-    }
-
-    /// What the tests of rays against primitives took, in steps.
-    pub(crate) fn tests(&self) -> u64 {
-        PACKET_TEST_STEPS * self.packet_tests + self.exact_steps
-    }
-
-    #[inline(always)]
-    fn sum_up<S: Simd>(&mut self, simd: S) {
-        self.reach = simd.load_f32(&self.reaches).greatest();
-    }
-}
-
-impl<const W: usize> Shapes<W> {
-    /// Whether packets can test everything there is.
-    pub(crate) fn suits_packets(&self) -> bool {
-        self.runs().len() < 1 << (31 - PLACE_BITS)
-    }
-
-    /// Where the rays of a packet hit the primitive at a place of a run.
-    #[inline(always)]
-    pub(crate) fn all_intervals<S: Simd>(
-        &self,
-        simd: S,
-        run: &Run,
-        place: u32,
-        shaft: &Shaft<S>,
-        packet: &Packet<S, W>,
-    ) -> Intervals<S> {
-        let leaving = packet.leaving(simd, self.number(run.kind, run.first + place));
-        let (front, back) = run.hittable::<W>(leaving);
-        let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
-        let span = SpanLanes {
-            start: packet.start,
-            start_above: packet.start_above,
-            end_below: packet.end_below,
-            ends: packet.ends,
-        };
-        if run.kind == PrimitiveKind::Sphere {
-            let (center, radius) = self.sphere_block(run).one(simd, place as usize);
-            interval::sphere(
-                simd,
-                center,
-                radius,
-                packet.origin,
-                packet.direction,
-                shaft.unit,
-                &span,
-                front,
-                back,
-            )
-        } else if run.kind != PrimitiveKind::Triangle {
-            self.doubtful(simd, run, place, shaft, packet, (front, back), &span)
-        } else {
-            let [a, b, c] = self.triangle_block(run).one(simd, place as usize, shaft.axes);
-            let vertices = [packet.shear(a), packet.shear(b), packet.shear(c)];
-            interval::triangle(
-                simd,
-                vertices,
-                packet.factors[2],
-                [shaft.unit, shaft.steepness],
-                &span,
-                front,
-                back,
-            )
-        }
-    }
-
-    /// Where the rays of a packet may hit a polygon or a cone; surely only where a fan says so.
-    #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "lanes, which must not go through memory")]
-    fn doubtful<S: Simd>(
-        &self,
-        simd: S,
-        run: &Run,
-        place: u32,
-        shaft: &Shaft<S>,
-        packet: &Packet<S, W>,
-        sides: (<S::F32 as Lanes>::Mask, <S::F32 as Lanes>::Mask),
-        span: &SpanLanes<S>,
-    ) -> Intervals<S> {
-        let (none, high) = (simd.mask_f32(0), simd.splat_f32(f32::INFINITY));
-        let (mut possible, mut low) = packet.slabs(simd, shaft.unit).enter(
-            simd,
-            self.bounds(run, place as usize),
-            packet.start,
-            packet.ends,
-        );
-        if possible.any() {
-            if run.kind == PrimitiveKind::Cone {
-                let (ways, spans) = ([packet.origin, packet.direction], [packet.start, packet.ends]);
-                let rays = AxisRays::new(ways, spans, shaft.unit);
-                let met = self.axis_block(run).rays_that_meet(simd, place as usize, &rays);
-                possible = possible & met;
-            } else if let Some(fans) = self.fan_block(run) {
-                let Intervals { possible: met, sure, low: nearest, high } =
-                    fans.all_intervals(simd, place, shaft, packet, sides);
-                low = low.max(nearest);
-                possible = possible & met & low.le(span.ends) & high.ge(span.start);
-                let sure = sure & low.gt(span.start_above) & high.lt(span.end_below);
-                return Intervals { possible, sure, low, high };
-            }
-        }
-        Intervals { possible, sure: none, low, high }
-    }
-
-    /// What an exact test of a ray and a primitive costs, in steps.
-    #[inline(always)]
-    fn exact_steps(&self, run: &Run) -> u32 {
-        let is_long = run.kind == PrimitiveKind::Polygon && self.fan_block(run).is_none();
-        if is_long { 32 } else { 1 }
-    }
-
-    /// The places of a run whose primitives the shaft meets.
-    #[inline(always)]
-    fn candidates<S: Simd>(&self, simd: S, run: &Run, shaft: &Shaft<S>, reach: f32) -> u32 {
-        match run.kind {
-            PrimitiveKind::Sphere => shaft.candidates(simd, self.sphere_block(run), reach),
-            PrimitiveKind::Triangle => shaft.candidates(simd, self.triangle_block(run), reach),
-            PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                shaft.candidates(simd, self.box_block(run), reach)
-            }
-        }
-    }
-
-    /// The box of the primitive at a place of a run.
-    #[inline(always)]
-    fn bounds(&self, run: &Run, place: usize) -> [[f32; 3]; 2] {
-        match run.kind {
-            PrimitiveKind::Sphere => self.sphere_block(run).bounds(place),
-            PrimitiveKind::Triangle => self.triangle_block(run).bounds(place),
-            PrimitiveKind::Polygon | PrimitiveKind::Cone => self.box_block(run).bounds(place),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use rand_chacha::ChaCha8Rng;
@@ -440,8 +224,9 @@ mod tests {
     use super::*;
     use crate::columns::RayColumns;
     use crate::frame::Frame;
-    use crate::interval::TriangleBlock;
+    use crate::interval::{Rounding, Sheared, TriangleBlock};
     use crate::packet::{Approach, level};
+    use crate::shaft::{BoxBlock, Shaft};
 
     /// How often single precision contradicts the exact test of a triangle, for rays that go mostly across the axis of
     /// their packet.
@@ -508,11 +293,13 @@ mod tests {
             block.set(0, corners.map(|corner| frame.point(corner).to_array()));
             let [a, b, c] = block.one(simd, 0, shaft.axes);
             let vertices = [packet.shear(a), packet.shear(b), packet.shear(c)];
-            let Packet { start, start_above, end_below, ends, .. } = *packet;
-            let span = SpanLanes { start, start_above, end_below, ends };
-            let (all, margin) = (simd.mask_f32(u32::MAX), [factor * unit, shaft.steepness]);
-            let found = interval::triangle(simd, vertices, packet.factors[2], margin, &span, all, all);
-            let (possible, sure) = (found.possible.bits() & 1 == 1, found.sure.bits() & 1 == 1);
+            let sheared = Sheared::of(vertices);
+            let (all, rounding) =
+                (simd.mask_f32(u32::MAX), Rounding { unit: factor * unit, scale: shaft.steepness });
+            let extents = block.boxes(simd, &mut BoxBlock::EMPTY.clone());
+            let near = sheared.near(simd.splat_f32(rounding.of_edges(simd, extents).lane(0)));
+            let found = sheared.intervals(simd, rounding, packet.factors[2], &packet.span(), all, all);
+            let (possible, sure) = ((found.possible & near).bits() & 1 == 1, found.sure.bits() & 1 == 1);
             let probe = Probe::new(Scalar, &Ray::new(eye, direction), Span::FORWARD, true);
             let [a, b, c] = corners;
             let exact = Triangle::new(a, b, c).intersect(&probe, Sides::Both, None);

@@ -1,6 +1,6 @@
 //! One ray prepared for testing many primitives in lanes.
 
-use rayset_simd::{Lanes, Simd};
+use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::{Ray, Span};
 
@@ -89,6 +89,24 @@ impl<S: Simd> AxesLanes<S> {
         Self { is_x, is_y, is_mirrored: along.lt(simd.splat_f64(0.0)) }
     }
 
+    /// The axes of all lanes, if these are the same.
+    #[must_use]
+    #[inline(always)]
+    pub fn common(&self) -> Option<[usize; 3]> {
+        let lanes = [self.is_x.bits(), self.is_y.bits(), self.is_mirrored.bits()];
+        let all = u32::MAX >> (32 - S::F64::LANES);
+        if lanes.iter().any(|&lanes| lanes != 0 && lanes != all) {
+            return None;
+        }
+        let z = match lanes {
+            [0, 0, _] => 2,
+            [0, _, _] => 1,
+            _ => 0,
+        };
+        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
+        Some(if lanes[2] == 0 { [x, y, z] } else { [y, x, z] })
+    }
+
     /// Coordinates along the world's axes, in the order of each lane's own.
     #[must_use]
     #[inline(always)]
@@ -120,14 +138,12 @@ pub struct ShearedLanes<S: Simd> {
 }
 
 impl<S: Simd> ShearedLanes<S> {
-    /// Shears rays, each along its own axes, which are given too.
+    /// Shears rays, whose coordinates are in the order of each one's own axes.
     #[must_use]
     #[inline(always)]
-    pub fn of(simd: S, rays: &RayLanes<S>, span: [S::F64; 2]) -> (Self, AxesLanes<S>) {
-        let axes = AxesLanes::of(simd, &rays.direction);
-        let [dx, dy, dz] = axes.order(rays.direction);
-        let factors = [dx / dz, dy / dz, simd.splat_f64(1.0) / dz];
-        (Self { origin: axes.order(rays.origin), factors, span }, axes)
+    pub fn of(simd: S, rays: RayLanes<S>, span: [S::F64; 2]) -> Self {
+        let RayLanes { origin, direction: [dx, dy, dz] } = rays;
+        Self { origin, factors: [dx / dz, dy / dz, simd.splat_f64(1.0) / dz], span }
     }
 }
 

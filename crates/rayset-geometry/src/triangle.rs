@@ -5,7 +5,6 @@ use rayset_simd::{LaneMask, Lanes, MAX_LANES, Scalar, Simd};
 
 use crate::crossing::Crossings;
 use crate::departure::Allowed;
-use crate::probe::map3;
 use crate::{
     BoundingSphere, PrimitiveKind, Probe, ShearedLanes, Side, Sides, compare_products, enclosing_sphere,
 };
@@ -36,14 +35,18 @@ impl Triangle {
         &self.vertices
     }
 
-    /// The vertices of one triangle, in every lane: as of [`Triangle::intersect_pairs`], in the order of the world's axes.
+    /// The vertices of one triangle, in every lane: as of [`Triangle::intersect_pairs`], in an order of the world's axes.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such axis.
     #[must_use]
     #[inline(always)]
-    pub fn splat<S: Simd>(&self, simd: S) -> [[S::F64; 3]; 3] {
+    pub fn splat<S: Simd>(&self, simd: S, [x, y, z]: [usize; 3]) -> [[S::F64; 3]; 3] {
         let zero = simd.splat_f64(0.0);
         let mut vertices = [[zero; 3]; 3];
         for (lanes, vertex) in vertices.iter_mut().zip(&self.vertices) {
-            *lanes = [simd.splat_f64(vertex.x), simd.splat_f64(vertex.y), simd.splat_f64(vertex.z)];
+            *lanes = [simd.splat_f64(vertex[x]), simd.splat_f64(vertex[y]), simd.splat_f64(vertex[z])];
         }
         vertices
     }
@@ -160,16 +163,67 @@ impl Triangle {
         simd: S,
         rays: &ShearedLanes<S>,
         vertices: [[S::F64; 3]; 3],
-        (front, back): (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
+        sides: (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
     ) -> (<S::F64 as Lanes>::Mask, S::F64) {
-        let zero = simd.splat_f64(0.0);
-        let ShearedLanes { origin, factors: [sx, sy, sz], span: [start, end] } = *rays;
-        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = map3(vertices, |vertex| {
-            let z = vertex[2] - origin[2];
-            [(vertex[0] - origin[0]) - sx * z, (vertex[1] - origin[1]) - sy * z, z]
-        });
+        let sheared = Sheared::of(rays, vertices);
+        let visible = sheared.visible(simd, sides);
+        if !visible.any() {
+            return (visible, simd.splat_f64(0.0));
+        }
+        let [start, end] = rays.span;
+        let t = sheared.distances(simd, rays.factors[2], visible);
+        (visible & t.gt(start) & t.lt(end), t)
+    }
+
+    /// Where rays meet triangles that they are known to hit, a pair a lane: `t` as of [`Triangle::intersect_pairs`], with
+    /// its bits, in the lanes in which that would say that there is a hit; elsewhere anything.
+    #[must_use]
+    #[inline(always)]
+    pub fn distances_of_pairs<S: Simd>(
+        simd: S,
+        rays: &ShearedLanes<S>,
+        vertices: [[S::F64; 3]; 3],
+        hit: <S::F64 as Lanes>::Mask,
+    ) -> S::F64 {
+        Sheared::of(rays, vertices).distances(simd, rays.factors[2], hit)
+    }
+}
+
+/// Triangles sheared along rays, a pair a lane, and their edge functions.
+struct Sheared<S: Simd> {
+    vertices: [[S::F64; 3]; 3],
+    products: [(S::F64, S::F64); 3],
+    edges: [S::F64; 3],
+}
+
+impl<S: Simd> Sheared<S> {
+    #[inline(always)]
+    fn of(rays: &ShearedLanes<S>, vertices: [[S::F64; 3]; 3]) -> Self {
+        let [a, b, c] = vertices;
+        let vertices = [Self::vertex(rays, a), Self::vertex(rays, b), Self::vertex(rays, c)];
+        let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = vertices;
         let products = [(cx * by, cy * bx), (ax * cy, ay * cx), (bx * ay, by * ax)];
-        let [u, v, w] = map3(products, |(left, right)| left - right);
+        let [u, v, w] = products;
+        Self { vertices, products, edges: [u.0 - u.1, v.0 - v.1, w.0 - w.1] }
+    }
+
+    /// A vertex of each. (A function: of a closure compilers may make a call.)
+    #[inline(always)]
+    fn vertex(rays: &ShearedLanes<S>, [x, y, z]: [S::F64; 3]) -> [S::F64; 3] {
+        let ShearedLanes { origin: [ox, oy, oz], factors: [sx, sy, _], .. } = *rays;
+        let z = z - oz;
+        [(x - ox) - sx * z, (y - oy) - sy * z, z]
+    }
+
+    /// The lanes in which the ray passes through a side that may be hit: the front, or the back.
+    #[inline(always)]
+    fn visible(
+        &self,
+        simd: S,
+        (front, back): (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
+    ) -> <S::F64 as Lanes>::Mask {
+        let zero = simd.splat_f64(0.0);
+        let Self { vertices: [[ax, ay, _], [bx, by, _], [cx, cy, _]], edges: [u, v, w], .. } = *self;
         let mut negative = u.lt(zero) | v.lt(zero) | w.lt(zero);
         let mut positive = u.gt(zero) | v.gt(zero) | w.gt(zero);
         // Not where nothing may be hit: lanes without a pair hold anything.
@@ -194,23 +248,29 @@ impl Triangle {
         }
         // The edge functions are positive when the vertices go round clockwise about the ray's direction, which is
         // counterclockwise for the eye. Their exact signs count: all three may have rounded to zero.
-        let visible = (positive & !negative & front) | (negative & !positive & back);
-        if !visible.any() {
-            return (visible, zero);
-        }
+        (positive & !negative & front) | (negative & !positive & back)
+    }
+
+    /// Where the ray meets the triangle, in the lanes in which it passes through it; elsewhere anything.
+    #[inline(always)]
+    fn distances(&self, simd: S, sz: S::F64, passed: <S::F64 as Lanes>::Mask) -> S::F64 {
+        let Self { vertices: [[ax, ay, az], [bx, by, bz], [cx, cy, cz]], products, edges: [u, v, w] } = *self;
         let (a_depth, b_depth, c_depth) = (sz * az, sz * bz, sz * cz);
         let determinant = u + v + w;
         let t = (u * a_depth + v * b_depth + w * c_depth) / determinant;
-        let [u_size, v_size, w_size] = map3(products, |(left, right)| left.abs().max(right.abs()));
+        let [(u_left, u_right), (v_left, v_right), (w_left, w_right)] = products;
+        let u_size = u_left.abs().max(u_right.abs());
+        let v_size = v_left.abs().max(v_right.abs());
+        let w_size = w_left.abs().max(w_right.abs());
         let depth_range = az.max(bz).max(cz) - az.min(bz).min(cz);
         let depth_size = az.abs().max(bz.abs()).max(cz.abs());
         // Of a triangle that is small for its distance, the products with depths may underflow before the weights do.
         let numerator_size = determinant.abs() * depth_size;
         let steady = ((u_size + v_size + w_size) * depth_range).lt(simd.splat_f64(STEADY) * numerator_size)
             & determinant.abs().min(numerator_size).gt(simd.splat_f64(LEAST_DETERMINANT));
-        let unsteady = visible & !steady;
+        let unsteady = passed & !steady;
         if !unsteady.any() {
-            return (visible & t.gt(start) & t.lt(end), t);
+            return t;
         }
         let mut t_lanes = [0.0; MAX_LANES];
         t.store(&mut t_lanes);
@@ -226,8 +286,7 @@ impl Triangle {
                 *t = depth.unwrap_or(f64::NAN);
             }
         }
-        let t = simd.load_f64(&t_lanes);
-        (visible & t.gt(start) & t.lt(end), t)
+        simd.load_f64(&t_lanes)
     }
 }
 

@@ -10,9 +10,9 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
-    BoundingPlane, BoundingSphere, ColumnHit, ColumnRun, Cylinder, Departure, PARTITION_MARGIN, Primitive,
-    PrimitiveColumns, PrimitiveKind, Probe, Ray, RayLanes, ShearedLanes, Side, Sides, Span, Sphere, Triangle,
-    VolumeSet, compare_products, enclosing_sphere, unit,
+    AxesLanes, BoundingPlane, BoundingSphere, ColumnHit, ColumnRun, Cylinder, Departure, PARTITION_MARGIN,
+    Primitive, PrimitiveColumns, PrimitiveKind, Probe, Ray, RayLanes, Shear, ShearedLanes, Side, Sides, Span,
+    Sphere, Triangle, VolumeSet, compare_products, enclosing_sphere, unit,
 };
 use rayset_simd::{Backend, Kernel, LaneMask, Lanes, MAX_LANES, Simd};
 use surfaces::{distance_to_surface, is_convex, nearest_on_segment};
@@ -139,11 +139,20 @@ impl Kernel for HitsOfPairs<'_> {
             let lanes = columns.map(|column| simd.load_f64(&column));
             let [ox, oy, oz, dx, dy, dz, start, end, vertices @ ..] = lanes;
             let [ax, ay, az, bx, by, bz, cx, cy, cz] = vertices;
-            let rays = RayLanes { origin: [ox, oy, oz], direction: [dx, dy, dz] };
-            let (rays, axes) = ShearedLanes::of(simd, &rays, [start, end]);
-            let vertices = [axes.order([ax, ay, az]), axes.order([bx, by, bz]), axes.order([cx, cy, cz])];
+            let (origin, direction) = ([ox, oy, oz], [dx, dy, dz]);
+            let axes = AxesLanes::of(simd, &direction);
+            let all =
+                |axes_of: &dyn Fn(usize) -> [usize; 3]| (0..S::F64::LANES).map(axes_of).collect::<Vec<_>>();
+            let own = all(&|lane| Shear::axes_of(direction.map(|column| column.lane(lane))));
+            assert_eq!(axes.common(), own.iter().all(|axes| *axes == own[0]).then_some(own[0]));
+            let rays = RayLanes { origin: axes.order(origin), direction: axes.order(direction) };
+            let rays = ShearedLanes::of(simd, rays, [start, end]);
+            let vertices = axes.order_all([[ax, ay, az], [bx, by, bz], [cx, cy, cz]]);
             let sides = (simd.mask_f64(sides.0), simd.mask_f64(sides.1));
             let (is_hit, t) = Triangle::intersect_pairs(simd, &rays, vertices, sides);
+            let known = Triangle::distances_of_pairs(simd, &rays, vertices, is_hit);
+            let hits = (0..pairs.len()).filter(|lane| is_hit.bits() >> lane & 1 == 1);
+            assert!(hits.into_iter().all(|lane| t.lane(lane).to_bits() == known.lane(lane).to_bits()));
             found.extend((0..pairs.len()).map(|lane| (is_hit.bits() >> lane & 1 == 1).then(|| t.lane(lane))));
         }
         found

@@ -119,6 +119,14 @@ pub trait CullLanes: Lanes<Scalar = f32> {
     /// The greatest lane; which of several zeros, or what where one is NaN, is not specified.
     #[must_use]
     fn greatest(self) -> f32;
+    /// Replaces the lanes of `place` that are set.
+    ///
+    /// As `*place = self.select(mask, *place)`, which compilers make a masked store: many processors take ten times as long
+    /// for that as for a whole one, and longer still to read it back.
+    #[inline(always)]
+    fn put(self, mask: Self::Mask, place: &mut Self) {
+        *place = self.select(mask, *place);
+    }
     /// Moves the lanes that are set to the front of `out`, in their order; what stands in `out` after them is not
     /// specified.
     ///
@@ -132,6 +140,12 @@ pub trait CullLanes: Lanes<Scalar = f32> {
 pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// Runs a part of a kernel in a function of its own, compiled for this backend.
     fn outline<P: Part<Self>>(self, part: P) -> P::Output;
+
+    /// Asks for an item to be brought near at hand, where the machine can; nothing depends on it but time.
+    #[inline(always)]
+    fn fetch<T>(self, item: &T) {
+        let _ = item;
+    }
 
     /// Does work in the way that fits the number of lanes of [`Simd::F32`].
     fn by_lanes<P: ByLanes<Self>>(self, work: P) -> P::Output;

@@ -114,3 +114,16 @@ macro_rules! register_lanes {
 
 pub(crate) mod avx2;
 pub(crate) mod avx512;
+
+/// Asks for an item, of one or two lines of the cache, to be brought near at hand.
+#[inline(always)]
+fn fetch<T>(item: &T) {
+    use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+
+    let start = std::ptr::from_ref(item).cast::<i8>();
+    // SAFETY: the machine may be asked for any address; this one is that of an item, and of its last byte.
+    unsafe {
+        _mm_prefetch::<_MM_HINT_T0>(start);
+        _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(size_of::<T>().saturating_sub(1)));
+    }
+}

@@ -109,6 +109,12 @@ impl Kernel for CullingOnly<'_> {
             assert_eq!(front[k].to_bits(), self.a[lane].to_bits());
             assert_eq!(ids[k], values[lane]);
         }
+        let mut place = b;
+        a.put(mask, &mut place);
+        for i in 0..n {
+            let expected = if mask.bits() >> i & 1 == 1 { self.a[i] } else { self.b[i] };
+            assert_eq!(place.lane(i).to_bits(), expected.to_bits());
+        }
         let wide: [f64; MAX_LANES] =
             std::array::from_fn(|i| f64::from(self.a[i]) + f64::from(self.b[i]) / 3.0);
         let narrowed = simd.narrow_f32(&wide, 0.1, 0.25);

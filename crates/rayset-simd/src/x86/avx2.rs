@@ -165,6 +165,13 @@ impl CullLanes for Avx2F32 {
     }
 
     #[inline(always)]
+    fn put(self, mask: Self::Mask, place: &mut Self) {
+        let whole = self.select(mask, *place);
+        // SAFETY: a reference may be written to. Volatile, so that it stays a whole store.
+        unsafe { std::ptr::write_volatile(place, whole) }
+    }
+
+    #[inline(always)]
     fn compress(self, mask: Avx2M32, out: &mut [f32]) {
         let out = &mut out[..8];
         // SAFETY: see `register_lanes`; the slice holds a register.
@@ -181,6 +188,11 @@ impl Simd for Avx2 {
         // SAFETY: the token exists only where the machine has the instructions.
         unsafe { run_part(part) }
     }
+    #[inline(always)]
+    fn fetch<T>(self, item: &T) {
+        super::fetch(item);
+    }
+
     #[inline(always)]
     fn by_lanes<P: ByLanes<Self>>(self, work: P) -> P::Output {
         work.eight(self)

@@ -114,6 +114,13 @@ impl CullLanes for Avx512F32 {
     }
 
     #[inline(always)]
+    fn put(self, mask: Self::Mask, place: &mut Self) {
+        let whole = self.select(mask, *place);
+        // SAFETY: a reference may be written to. Volatile, so that it stays a whole store.
+        unsafe { std::ptr::write_volatile(place, whole) }
+    }
+
+    #[inline(always)]
     fn compress(self, mask: Avx512M32, out: &mut [f32]) {
         let out = &mut out[..16];
         // SAFETY: see `register_lanes`. Compressing in a register and storing it whole is several times faster than
@@ -131,6 +138,11 @@ impl Simd for Avx512 {
         // SAFETY: the token exists only where the machine has the instructions.
         unsafe { run_part(part) }
     }
+    #[inline(always)]
+    fn fetch<T>(self, item: &T) {
+        super::fetch(item);
+    }
+
     #[inline(always)]
     fn by_lanes<P: ByLanes<Self>>(self, work: P) -> P::Output {
         work.sixteen(self)
