@@ -119,9 +119,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
                     let Packet { start, ends, .. } = asking.packets[0];
                     slabs.enter(simd, node.bounds(lane), start, ends).0.bits().count_ones()
                 } else {
-                    2 * shaft
-                        .packets_that_meet(simd, node.bounds(lane), &asking.progress.reaches)
-                        .count_ones()
+                    2 * shaft.packets_that_meet(simd, node.bounds(lane), asking.progress.reaches).count_ones()
                 };
                 if entered == 0 {
                     continue;

@@ -219,7 +219,7 @@ pub(crate) struct Asking<'a, S: Simd, Q, const W: usize> {
     pub(crate) shaft: &'a Shaft<S>,
     pub(crate) packets: &'a mut [Packet<S, W>],
     pub(crate) asked: &'a mut [Q],
-    pub(crate) progress: Progress<W>,
+    pub(crate) progress: Progress<S>,
 }
 
 impl<S: Simd, Q: Question<S, W>, const W: usize> Asking<'_, S, Q, W> {
@@ -277,7 +277,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Asking<'_, S, Q, W> {
             let mut met = 1;
             if !ALONE {
                 progress.shaft_tests += 1;
-                met = shaft.packets_that_meet(simd, boxes.bounds(place as usize), &progress.reaches);
+                met = shaft.packets_that_meet(simd, boxes.bounds(place as usize), progress.reaches);
                 if met == 0 {
                     continue;
                 }
@@ -297,23 +297,24 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Asking<'_, S, Q, W> {
                     let (is_nearer, tests) = asked.take(simd, exact, packet, record_of(i, place), &at);
                     progress.exact_steps += u64::from(tests * primitives.exact_steps());
                     if is_nearer {
-                        progress.reaches[p % W] = shaft.reach(simd, packet);
+                        let reach = simd.splat_f32(shaft.reach(simd, packet));
+                        reach.put(simd.mask_f32(1 << p), &mut progress.reaches);
                         is_new = true;
                     }
                 }
             }
         }
         if is_new {
-            progress.sum_up(simd);
+            progress.sum_up();
         }
     }
 }
 
 /// How far the packets of a shaft still reach along its axis, and what testing them took.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Progress<const W: usize> {
+pub(crate) struct Progress<S: Simd> {
     /// Of each packet; of those that are not there, nowhere.
-    pub(crate) reaches: [f32; W],
+    pub(crate) reaches: S::F32,
     /// The farthest.
     pub(crate) reach: f32,
     /// Tests of a primitive against the shafts of the packets.
@@ -326,17 +327,16 @@ pub(crate) struct Progress<const W: usize> {
     pub(crate) exact_steps: u64,
 }
 
-impl<const W: usize> Progress<W> {
+impl<S: Simd> Progress<S> {
     #[inline(always)]
-    pub(crate) fn new<S: Simd>(simd: S, shaft: &Shaft<S>, packets: &[Packet<S, W>]) -> Self {
+    pub(crate) fn new<const W: usize>(simd: S, shaft: &Shaft<S>, packets: &[Packet<S, W>]) -> Self {
         let mut reaches = [-1e30; W];
         for (reach, packet) in reaches.iter_mut().zip(packets) {
             *reach = shaft.reach(simd, packet);
         }
-        let mut progress =
-            Self { reaches, reach: 0.0, shaft_tests: 0, packet_tests: 0, ray_tests: 0, exact_steps: 0 };
-        progress.sum_up(simd);
-        progress
+        let reaches = simd.load_f32(&reaches);
+        let reach = reaches.greatest();
+        Self { reaches, reach, shaft_tests: 0, packet_tests: 0, ray_tests: 0, exact_steps: 0 }
     }
 
     /// What the tests of rays against primitives took, in steps.
@@ -345,8 +345,8 @@ impl<const W: usize> Progress<W> {
     }
 
     #[inline(always)]
-    fn sum_up<S: Simd>(&mut self, simd: S) {
-        self.reach = simd.load_f32(&self.reaches).greatest();
+    fn sum_up(&mut self) {
+        self.reach = self.reaches.greatest();
     }
 }
 

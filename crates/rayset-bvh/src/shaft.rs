@@ -201,15 +201,10 @@ impl<S: Simd> Shaft<S> {
 
     /// Which packets may meet a box, of those that still reach it.
     #[inline(always)]
-    pub(crate) fn packets_that_meet<const W: usize>(
-        &self,
-        simd: S,
-        [low, high]: [[f32; 3]; 2],
-        reaches: &[f32; W],
-    ) -> u32 {
+    pub(crate) fn packets_that_meet(&self, simd: S, [low, high]: [[f32; 3]; 2], reaches: S::F32) -> u32 {
         let [x, y, z] = self.axes;
         let begin = if self.towards > 0.0 { low[z] } else { -high[z] };
-        let mut met = simd.splat_f32(begin).le(simd.load_f32(reaches));
+        let mut met = simd.splat_f32(begin).le(reaches);
         let (lower, upper) = (simd.splat_f32(low[z]), simd.splat_f32(high[z]));
         for (side, axis) in [x, y].into_iter().enumerate() {
             let [above, below] = &self.of_each[side];
@@ -394,9 +389,9 @@ mod tests {
             let corner = touched + DVec3::new(0.1, 0.0, 0.0);
             let (low, high) = (touched - 0.3 * DVec3::Y, corner + 0.3 * DVec3::Y);
             let bounds = frame.cull_box(&BoundingBox { min: low, max: high });
-            let reaches: [f32; W] = std::array::from_fn(|_| BEYOND);
+            let reaches = simd.splat_f32(BEYOND);
             by_shaft += usize::from(shaft.candidates(simd, &One(bounds), BEYOND) & 1 == 0);
-            let met = shaft.packets_that_meet(simd, [bounds.low, bounds.high], &reaches);
+            let met = shaft.packets_that_meet(simd, [bounds.low, bounds.high], reaches);
             by_packet += usize::from(met & 1 == 0);
             let Packet { start, ends, .. } = packets[0];
             let slabs = packets[0].slabs(simd, factor * unit);

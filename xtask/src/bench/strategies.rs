@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use rayset_engine::Backend;
 use rayset_study::{Bench, BenchPlan, BenchScene, View, write_file};
 
 use super::bless;
@@ -37,7 +38,8 @@ pub(crate) struct Options {
     /// Adds other libraries on the same rays: Embree 3, if it is installed, obvhs, bvh and parry3d.
     #[arg(long)]
     peers: bool,
-    /// Writes the comparisons into docs/performance.md and README.md too.
+    /// Writes the comparisons into docs/performance.md and README.md too; with lanes narrower than AVX-512, into
+    /// docs/performance-avx2.md or docs/performance-portable.md.
     #[arg(long, requires = "peers", conflicts_with = "quick")]
     bless: bool,
     /// The folder for tables, figures as JSON, and plot.
@@ -64,12 +66,37 @@ pub(crate) fn run(options: &Options) -> Outcome {
     if options.bless {
         let text = fs::read_to_string(options.out.join("peers.md"))?;
         let building = fs::read_to_string(options.out.join("building.md")).unwrap_or_default();
-        bless("docs/performance.md", "bench", &format!("{}{building}", comparisons(&text)))?;
-        bless("README.md", "bench", &format!("{}\n", frames(&text)))?;
+        let contents = format!("{}{building}", comparisons(&text));
         let plot = fs::read(options.out.join("peers.svg"))?;
-        write_file(&project::root().join("docs/performance.svg"), &plot)?;
+        let backend = Backend::active();
+        if backend == WIDEST {
+            bless("docs/performance.md", "bench", &contents)?;
+            bless("README.md", "bench", &format!("{}\n", frames(&text)))?;
+            write_file(&project::root().join("docs/performance.svg"), &plot)?;
+        } else {
+            let name = format!("docs/performance-{backend}");
+            let document = narrower(backend, &contents);
+            write_file(&project::root().join(format!("{name}.md")), document.as_bytes())?;
+            write_file(&project::root().join(format!("{name}.svg")), &plot)?;
+            println!("wrote {name}.md, and its plot: the other documents hold what {WIDEST} lanes take");
+        }
     }
     Ok(())
+}
+
+/// The lanes whose tables stand in docs/performance.md and the README.
+const WIDEST: Backend = Backend::Avx512;
+
+/// The document of other lanes.
+fn narrower(backend: Backend, tables: &str) -> String {
+    format!(
+        "# Speed with {backend} lanes\n\n\
+         The tables of [Speed](performance.md), which says how they are measured, with `{backend}` lanes; Embree is limited \
+         to the same instructions.\n\
+         `cargo xtask bench --peers --bless` writes this document where these are the widest lanes there are, or \
+         `RAYSET_SIMD={backend}` asks for them.\n\n\
+         ![Nanoseconds a ray](performance-{backend}.svg)\n\n{tables}"
+    )
 }
 
 /// The tables over all scenes: what stands before the first scene's own.
@@ -176,6 +203,13 @@ mod tests {
             assert_eq!(text.matches("<!-- bench -->\n").count(), 1);
             assert_eq!(text.matches("<!-- /bench -->\n").count(), 1);
         }
+    }
+
+    #[test]
+    fn other_lanes_have_a_document_of_their_own() {
+        let text = narrower(Backend::Portable, "| a |\n");
+        assert!(text.starts_with("# Speed with portable lanes\n\n") && text.ends_with("\n\n| a |\n"));
+        assert!(text.contains("(performance-portable.svg)") && !text.contains("  "));
     }
 
     #[test]
