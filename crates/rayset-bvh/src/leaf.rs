@@ -9,7 +9,7 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 use crate::axes::AxisRays;
 use crate::exact::{Exact, PLACE_BITS, record_of};
 use crate::interval::{Chords, Intervals, Sheared, SphereBlock, one_of};
-use crate::packet::Packet;
+use crate::packet::{Mask, Packet};
 use crate::shaft::{BoxBlock, Shaft};
 use crate::shapes::{Run, Shapes};
 use crate::together::Question;
@@ -17,9 +17,6 @@ use crate::traverse::Aligned;
 
 /// What it costs to test a primitive against the rays of a packet, in steps.
 pub(crate) const PACKET_TEST_STEPS: u64 = 2;
-
-/// A mask over the lanes of a packet.
-type Mask<S> = <<S as Simd>::F32 as Lanes>::Mask;
 
 /// Primitives of a run, to be tested one by one.
 trait Primitives<S: Simd, const W: usize> {

@@ -15,6 +15,9 @@ const NOWHERE: f32 = -1e30;
 /// sphere round all there is, and so that others do not end up beyond [`FAR`].
 const BEFORE: f64 = 2.0;
 
+/// A mask over the lanes of a packet.
+pub(crate) type Mask<S> = <<S as Simd>::F32 as Lanes>::Mask;
+
 /// Rays in culling space, a lane each.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Packet<S: Simd, const W: usize> {
@@ -277,7 +280,7 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         simd: S,
         numbers: &[u32],
         place: usize,
-    ) -> Option<(<S::F32 as Lanes>::Mask, <S::F32 as Lanes>::Mask)> {
+    ) -> Option<(Mask<S>, Mask<S>)> {
         if !self.leaves {
             return None;
         }
