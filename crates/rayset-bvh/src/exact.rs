@@ -48,7 +48,7 @@ impl<const W: usize> Exact<'_, W> {
     }
 }
 
-/// So many rays at least are tested together against a sphere or a triangle.
+/// So many rays at least are tested together against a sphere; of other shapes preparing one by itself takes as long.
 const LEAST_TOGETHER: u32 = 3;
 
 /// The exact hits of rays of a packet, of one primitive.
