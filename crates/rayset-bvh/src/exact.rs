@@ -596,6 +596,7 @@ impl<const W: usize> Shapes<W> {
         if wanted.lanes == 0 {
             return 0;
         }
+        // Of rays that are traced one by one the axes seldom agree, and whether they do is not worth asking.
         let LanesOfColumns { rays: RayLanes { origin, direction }, span } = rays.lanes(simd, at);
         let axes = AxesLanes::of(simd, &direction);
         let rays = RayLanes { origin: axes.order(origin), direction: axes.order(direction) };

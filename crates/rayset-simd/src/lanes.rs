@@ -121,8 +121,8 @@ pub trait CullLanes: Lanes<Scalar = f32> {
     fn greatest(self) -> f32;
     /// Replaces the lanes of `place` that are set.
     ///
-    /// As `*place = self.select(mask, *place)`, which compilers make a masked store: many processors take ten times as long
-    /// for that as for a whole one, and longer still to read it back.
+    /// As `*place = self.select(mask, *place)`, which compilers make a masked store: some processors take much longer for
+    /// that than for a whole one, and to read it back.
     #[inline(always)]
     fn put(self, mask: Self::Mask, place: &mut Self) {
         *place = self.select(mask, *place);
