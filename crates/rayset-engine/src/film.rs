@@ -59,7 +59,7 @@ impl Film {
         for (i, (place, node)) in places.iter().zip(trees.nodes()).enumerate() {
             let Some((pixel, is_first)) = grid.owner(*place) else { continue };
             if is_first && self.layers.need_hits() {
-                self.expose_hit(pixel, node);
+                self.expose_hit(pixel, &node);
             }
             if let Some(tally) = tallies.get(i) {
                 self.expose_tally(pixel, is_first, tally);

@@ -21,21 +21,26 @@ mod film;
 mod frame;
 mod histogram;
 mod intersection_tree;
+mod lanes;
 mod layer;
+mod leaving;
+mod lights;
 mod order;
 mod query;
 mod ray_set;
 mod render;
 mod sampling;
 mod shading;
+mod spawning;
 mod stats;
 mod strategies;
 mod strategy;
+mod surfaces;
 
 pub use counts::{ByKind, RayCounts, RayTally};
 pub use frame::{Frame, FrameTimes, Plane, PlaneSamples};
 pub use histogram::Histogram;
-pub use intersection_tree::{Branch, IntersectionTrees, LightState, Node, Surface};
+pub use intersection_tree::{IntersectionTrees, LightState, Node, Surface};
 pub use layer::{Layer, Layers, UnknownLayer};
 pub use order::{PixelOrder, SweepLength};
 pub use query::{
@@ -48,7 +53,7 @@ pub use rayset_scene as scene;
 pub use rayset_simd::Backend;
 pub use render::{Observer, Progress, RenderError, RenderOptions, render, render_observed};
 pub use sampling::{Crop, EyeRays};
-pub use shading::shade;
+pub use shading::{Shading, shade};
 pub use stats::{CoherenceCounts, StageCounts, Stats, Work};
 #[cfg(feature = "mutations")]
 pub use strategies::Condition;

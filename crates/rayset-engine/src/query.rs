@@ -1,13 +1,10 @@
 //! The questions a strategy answers, and their answers.
 
-use std::iter::repeat_n;
-
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Side, Span};
 use rayset_scene::{LightId, ObjectId, PrimitiveId};
 
 use crate::Work;
-use crate::ray_set::{Leaving, Sent};
 
 /// The greatest depth of a tree: the initial ray has depth 1.
 ///
@@ -157,15 +154,15 @@ impl Hit {
 /// Rays of a slot stand together, in increasing order of ray-sets.
 #[derive(Clone, Debug, Default)]
 pub struct Generation {
-    ray_sets: Vec<RaySetIndex>,
-    slots: Vec<Slot>,
-    origins: [Vec<f64>; 3],
-    directions: [Vec<f64>; 3],
-    starts: Vec<f64>,
-    ends: Vec<f64>,
-    originating: Vec<Option<Originating>>,
+    pub(crate) ray_sets: Vec<RaySetIndex>,
+    pub(crate) slots: Vec<Slot>,
+    pub(crate) origins: [Vec<f64>; 3],
+    pub(crate) directions: [Vec<f64>; 3],
+    pub(crate) starts: Vec<f64>,
+    pub(crate) ends: Vec<f64>,
+    pub(crate) originating: Vec<Option<Originating>>,
     /// Whether any ray leaves something.
-    leaves_anything: bool,
+    pub(crate) leaves_anything: bool,
 }
 
 impl Generation {
@@ -256,51 +253,47 @@ impl Generation {
         self.ends.push(query.span.end);
     }
 
-    /// Adds the initial rays of the ray-sets from `first` on, column by column.
-    pub(crate) fn extend_initial(&mut self, first: RaySetIndex, rays: &[Ray]) {
-        let n = rays.len();
-        self.ray_sets.extend((first.0..).take(n).map(RaySetIndex));
-        self.slots.extend(repeat_n(Slot::ROOT, n));
-        self.originating.extend(repeat_n(None, n));
-        for k in 0..3 {
-            self.origins[k].extend(rays.iter().map(|ray| ray.origin()[k]));
-            self.directions[k].extend(rays.iter().map(|ray| ray.direction()[k]));
+    /// Adds the initial rays of the ray-sets from `first` on.
+    pub(crate) fn extend_initial(&mut self, first: RaySetIndex, rays: impl IntoIterator<Item = Ray>) {
+        let mut rays = rays.into_iter();
+        // As many as are promised, without asking for each whether there is room.
+        let n = rays.size_hint().0;
+        let [ox, oy, oz] = self.origins.each_mut().map(|column| {
+            column.resize(n, 0.0);
+            &mut column[..n]
+        });
+        let [dx, dy, dz] = self.directions.each_mut().map(|column| {
+            column.resize(n, 0.0);
+            &mut column[..n]
+        });
+        let mut promised = 0;
+        for ray in rays.by_ref().take(n) {
+            (ox[promised], oy[promised], oz[promised]) = ray.origin().into();
+            (dx[promised], dy[promised], dz[promised]) = ray.direction().into();
+            promised += 1;
         }
-        self.starts.extend(repeat_n(Span::FORWARD.start, n));
-        self.ends.extend(repeat_n(Span::FORWARD.end, n));
+        assert!(promised == n, "an iterator gives as many as it promises");
+        for ray in rays {
+            for k in 0..3 {
+                self.origins[k].push(ray.origin()[k]);
+                self.directions[k].push(ray.direction()[k]);
+            }
+        }
+        let n = self.origins[0].len();
+        assert!(u32::try_from(n).is_ok(), "fewer than 2^32 ray-sets");
+        self.ray_sets.extend((first.0..).take(n).map(RaySetIndex));
+        self.slots.resize(n, Slot::ROOT);
+        self.originating.resize(n, None);
+        self.starts.resize(n, Span::FORWARD.start);
+        self.ends.resize(n, Span::FORWARD.end);
     }
 
-    /// Adds rays of a slot that leave hits, each into a side by that which its hit was met from.
-    pub(crate) fn extend(
-        &mut self,
-        slot: Slot,
-        leaving: &[Leaving],
-        sent: impl ExactSizeIterator<Item = Sent>,
-        side: impl Fn(Side) -> Side,
-    ) {
-        let (first, n) = (self.len(), sent.len());
-        if n == 0 {
-            return;
-        }
-        self.leaves_anything = true;
-        self.ray_sets.resize(first + n, RaySetIndex(0));
-        self.slots.resize(first + n, slot);
-        self.originating.resize(first + n, None);
-        let floats = self.origins.iter_mut().chain(&mut self.directions);
-        floats.chain([&mut self.starts, &mut self.ends]).for_each(|column| column.resize(first + n, 0.0));
-        let ray_sets = &mut self.ray_sets[first..][..n];
-        let originating = &mut self.originating[first..][..n];
-        let [ox, oy, oz] = self.origins.each_mut().map(|column| &mut column[first..][..n]);
-        let [dx, dy, dz] = self.directions.each_mut().map(|column| &mut column[first..][..n]);
-        let (starts, ends) = (&mut self.starts[first..][..n], &mut self.ends[first..][..n]);
-        for (i, sent) in sent.enumerate() {
-            let Leaving { ray_set, start, from, surface, .. } = &leaving[sent.from as usize];
-            ray_sets[i] = *ray_set;
-            originating[i] = Some(Originating { side: side(from.side), ..*from });
-            (ox[i], oy[i], oz[i]) = surface.point.into();
-            (dx[i], dy[i], dz[i]) = sent.direction.into();
-            (starts[i], ends[i]) = (*start, sent.distance - start);
-        }
+    /// Removes all rays, and leaves what stands in the columns of numbers to be written over.
+    pub(crate) fn restart(&mut self) {
+        self.ray_sets.clear();
+        self.slots.clear();
+        self.originating.clear();
+        self.leaves_anything = false;
     }
 
     /// Removes all rays and keeps the memory.
@@ -373,8 +366,8 @@ impl<'a> Columns<'a> {
 /// Rays of a slot and light stand together, in increasing order of ray-sets.
 #[derive(Clone, Debug, Default)]
 pub struct ShadowGeneration {
-    rays: Generation,
-    lights: Vec<LightId>,
+    pub(crate) rays: Generation,
+    pub(crate) lights: Vec<LightId>,
 }
 
 impl ShadowGeneration {
@@ -423,16 +416,10 @@ impl ShadowGeneration {
         self.lights.push(light);
     }
 
-    /// Adds rays of a slot that ask for a light, from hits.
-    pub(crate) fn extend(
-        &mut self,
-        slot: Slot,
-        light: LightId,
-        leaving: &[Leaving],
-        sent: impl ExactSizeIterator<Item = Sent>,
-    ) {
-        self.lights.extend(repeat_n(light, sent.len()));
-        self.rays.extend(slot, leaving, sent, |side| side);
+    /// Removes all rays, and leaves what stands in the columns of numbers to be written over.
+    pub(crate) fn restart(&mut self) {
+        self.rays.restart();
+        self.lights.clear();
     }
 
     /// Removes all rays and keeps the memory.

@@ -13,7 +13,7 @@ use crate::film::Film;
 use crate::sampling::{EyeRayMaker, Grid};
 use crate::{
     Crop, EyeRays, Frame, FrameTimes, IntersectionStrategy, Layers, MAX_DEPTH, PixelOrder, RayCounts,
-    RaySetIndex, RaySets, Recording, Stats, SweepLength, TreeOptions, shade,
+    RaySetIndex, RaySets, Recording, Shading, Stats, SweepLength, TreeOptions, shade,
 };
 
 /// The most pixels a side of an image may have.
@@ -125,7 +125,7 @@ struct Workspace {
     radiance: Vec<Color>,
     /// Those of a bundle, and what shading needs.
     colors: Vec<Color>,
-    scratch: Vec<Color>,
+    shading: Shading,
 }
 
 /// What one sweep gives, besides its colours.
@@ -342,7 +342,7 @@ fn sweep(
     observer: Observer<'_>,
     workspace: &mut Workspace,
 ) -> Result<Sweep, RenderError> {
-    let Workspace { ray_sets, places, radiance, colors, scratch } = workspace;
+    let Workspace { ray_sets, places, radiance, colors, shading } = workspace;
     let scene = strategy.scene();
     let recording = if options.layers.need_recording() { Recording::PerQuery } else { Recording::Off };
     let mut tracer = strategy.begin_sweep(recording);
@@ -364,7 +364,7 @@ fn sweep(
         let first = RaySetIndex(first + bundle_start);
         let trees = ray_sets.grow(scene, tracer.as_mut(), first, eye_rays.rays(bundle), &tree_options);
         colors.clear();
-        shade(trees, scene, scratch, colors);
+        shade(trees, scene, shading, colors);
         for (&(x, y), color) in bundle.iter().zip(&*colors) {
             radiance[(y - rows.start) as usize * width as usize + x as usize] = *color;
         }

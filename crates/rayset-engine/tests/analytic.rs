@@ -4,7 +4,7 @@ use rayset_engine::geometry::glam::{DVec3, dvec3};
 use rayset_engine::geometry::{Polygon, Ray, Sides, Sphere, Triangle};
 use rayset_engine::scene::{Light, Material, Part, Scene, SceneBuilder};
 use rayset_engine::{
-    Branch, IntersectionTrees, LightState, RayCounts, RaySetIndex, RaySets, Recording, StrategyKind,
+    IntersectionTrees, LightState, RayCounts, RaySetIndex, RaySets, Recording, Shading, StrategyKind,
     TreeOptions, shade,
 };
 
@@ -46,7 +46,7 @@ fn trace(scene: &Scene, ray: Ray, options: &TreeOptions) -> (DVec3, Intersection
         let mut ray_sets = RaySets::default();
         let trees = ray_sets.grow(scene, tracer.as_mut(), RaySetIndex(0), [ray], options).clone();
         let mut radiance = Vec::new();
-        shade(&trees, scene, &mut Vec::new(), &mut radiance);
+        shade(&trees, scene, &mut Shading::default(), &mut radiance);
         (radiance[0], trees, *ray_sets.counts())
     });
     let mut results: Vec<_> = results.collect();
@@ -89,7 +89,7 @@ fn mirror_sphere_adds_diffuse_highlight_and_what_it_mirrors() {
         trace(&scene(vec![ball(MIRROR, DVec3::ZERO, 1.0)], &[light]), down(0.6), &DEEP);
     let answer = MIRROR.diffuse * 0.64 + MIRROR.specular * (0.224 * 0.224);
     assert_close(radiance, light.color() * answer + MIRROR.reflectance * BACKGROUND);
-    assert_close(trees.nodes()[1].direction, dvec3(0.96, 0.0, 0.28));
+    assert_close(trees.node(1).direction, dvec3(0.96, 0.0, 0.28));
     assert_eq!((counts.initial.hit, counts.reflected.cast, counts.reflected.hit), (1, 1, 0));
     assert_eq!((counts.refracted.cast, counts.shadow.cast, counts.shadow.hit), (0, 1, 0));
 }
@@ -187,7 +187,7 @@ fn central_ray_goes_straight_through_a_glass_sphere() {
     let (radiance, trees, counts) =
         trace(&scene(vec![ball(GLASS, DVec3::ZERO, 1.0)], &[]), down(0.0), &NO_EMPTY_RAYS);
     assert_close(radiance, GLASS.transmittance * GLASS.transmittance * BACKGROUND);
-    assert!(trees.nodes().iter().all(|node| node.direction == -DVec3::Z));
+    assert!(trees.nodes().all(|node| node.direction == -DVec3::Z));
     assert_eq!((counts.refracted.cast, counts.refracted.hit, counts.reflected.cast), (2, 1, 0));
 }
 
@@ -212,13 +212,13 @@ fn ray_off_the_centre_follows_snells_law_through_both_surfaces() {
     let scene = scene(vec![ball(GLASS, DVec3::ZERO, 1.0), wall], &[light]);
     let (radiance, trees, _) = trace(&scene, down(0.6), &NO_EMPTY_RAYS);
 
-    let directions: Vec<DVec3> = trees.nodes().iter().map(|node| node.direction).collect();
+    let directions: Vec<DVec3> = trees.nodes().map(|node| node.direction).collect();
     assert_eq!(directions.len(), 3);
     assert_close(directions[1], inside);
     assert_close(directions[2], outside);
-    assert_close(trees.nodes()[1].hit.unwrap().1.point, exit);
+    assert_close(trees.node(1).hit.unwrap().1.point, exit);
     let arrival = exit + (-3.0 - exit.z) / outside.z * outside;
-    assert!((trees.nodes()[2].hit.unwrap().1.point - arrival).length() < 1e-14);
+    assert!((trees.node(2).hit.unwrap().1.point - arrival).length() < 1e-14);
     let to_light = dvec3(0.0, 6.0, 0.0) - arrival;
     let cosine = to_light.z / to_light.length();
     assert_close(radiance, GLASS.transmittance * GLASS.transmittance * cosine);
@@ -231,7 +231,7 @@ fn index_of_one_bends_nothing() {
     let (radiance, trees, _) =
         trace(&scene(vec![ball(glass, DVec3::ZERO, 1.0)], &[]), down(0.7), &NO_EMPTY_RAYS);
     assert_close(radiance, GLASS.transmittance * GLASS.transmittance * BACKGROUND);
-    assert!(trees.nodes().iter().all(|node| node.direction == -DVec3::Z));
+    assert!(trees.nodes().all(|node| node.direction == -DVec3::Z));
 }
 
 /// A prism whose section in the plane z = 0 is the triangle (0, 0), (1, 0), (0, 1): three faces of two triangles.
@@ -259,8 +259,7 @@ fn prism_reflects_totally_at_its_long_face() {
     // Outside, the entering ray reflects 0.1 of the background. Inside, all 0.9 go on along the one reflected ray.
     // Where it leaves, 0.8 of the background come in; what is reflected there hits the glass at depth 4: black.
     assert_close(radiance, (0.1 + 0.8 * 0.9 * 0.8) * BACKGROUND);
-    let total: Vec<_> =
-        trees.nodes().iter().filter(|node| node.refracted == Branch::TotalReflection).collect();
+    let total: Vec<_> = trees.nodes().filter(|node| node.reflects_totally).collect();
     assert_eq!(total.len(), 1);
     assert_close(total[0].hit.unwrap().1.point, dvec3(0.7, 0.3, 0.125));
     assert_eq!((counts.reflected.cast, counts.refracted.cast), (3, 2));
@@ -277,7 +276,7 @@ fn prism_of_thin_glass_lets_the_ray_out_at_its_long_face() {
     assert_close(radiance, GLASS.transmittance * GLASS.transmittance * BACKGROUND);
     let (along_normal, along_face) = (0.28_f64.sqrt(), 0.72_f64.sqrt());
     let [normal, face] = [dvec3(1.0, 1.0, 0.0), dvec3(1.0, -1.0, 0.0)].map(|v| v * 0.5_f64.sqrt());
-    assert_close(trees.nodes()[2].direction, along_normal * normal + along_face * face);
+    assert_close(trees.node(2).direction, along_normal * normal + along_face * face);
 }
 
 #[test]

@@ -44,6 +44,17 @@ pub struct ColumnRun {
     pub range: Range<u32>,
 }
 
+/// The normal of the front of a curved primitive, not yet scaled.
+///
+/// That of a sphere is `away` scaled to unit length; that of a cone is that vector less `tilt`, scaled once more.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outward {
+    /// From the centre of a sphere, or straight from the axis of a cone, to the point.
+    pub away: DVec3,
+    /// The axis of a cone times how fast its radius grows along it; `None` of a sphere.
+    pub tilt: Option<DVec3>,
+}
+
 /// A hit in a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColumnHit {
@@ -146,6 +157,32 @@ impl PrimitiveColumns {
                 let at = |k: usize| DVec3::new(self.cones[k][i], self.cones[k + 1][i], self.cones[k + 2][i]);
                 Cone::outward(at(0), at(3), self.cones[8][i], point)
             }
+        }
+    }
+
+    /// The normal of [`PrimitiveColumns::normal_at`] before it is scaled, for those who scale many at a time; `None` of what
+    /// is flat.
+    ///
+    /// Where scaling finds no direction, ask [`PrimitiveColumns::normal_at`].
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    #[must_use]
+    #[inline]
+    pub fn outward_at(&self, kind: PrimitiveKind, index: u32, point: DVec3) -> Option<Outward> {
+        let i = index as usize;
+        match kind {
+            PrimitiveKind::Sphere => {
+                let [x, y, z, _] = &self.spheres;
+                Some(Outward { away: point - DVec3::new(x[i], y[i], z[i]), tilt: None })
+            }
+            PrimitiveKind::Cone => {
+                let at = |k: usize| DVec3::new(self.cones[k][i], self.cones[k + 1][i], self.cones[k + 2][i]);
+                let (axis, slope) = (at(3), self.cones[8][i]);
+                Some(Outward { away: Cone::away(at(0), axis, point), tilt: Some(slope * axis) })
+            }
+            PrimitiveKind::Triangle | PrimitiveKind::Polygon => None,
         }
     }
 

@@ -97,11 +97,16 @@ impl Cone {
 
     /// The outward unit normal of the infinite cone through a point.
     pub(crate) fn outward(base: DVec3, axis: DVec3, slope: f64, point: DVec3) -> DVec3 {
-        let along = (point - base).dot(axis);
-        match crate::unit((point - base) - along * axis) {
+        match crate::unit(Self::away(base, axis, point)) {
             Some(outward) => crate::unit(outward - slope * axis).unwrap_or(outward),
             None => axis,
         }
+    }
+
+    /// From the nearest point of the axis to a point.
+    #[inline]
+    pub(crate) fn away(base: DVec3, axis: DVec3, point: DVec3) -> DVec3 {
+        (point - base) - (point - base).dot(axis) * axis
     }
 
     /// A sphere that holds the surface and, up to the rounding of coordinates, every hit.

@@ -36,7 +36,7 @@ mod vectors;
 
 pub use bounding::{BoundingSphere, enclosing_sphere};
 pub use bounding_box::BoundingBox;
-pub use columns::{ColumnHit, ColumnRun, PrimitiveColumns};
+pub use columns::{ColumnHit, ColumnRun, Outward, PrimitiveColumns};
 pub use cone::{Cone, ConeAxis};
 pub use cylinder::Cylinder;
 pub use departure::Departure;
@@ -53,7 +53,7 @@ pub use side::{Side, Sides};
 pub use span::Span;
 pub use sphere::Sphere;
 pub use triangle::Triangle;
-pub use vectors::VectorColumns;
+pub use vectors::{VectorColumns, unit_lanes};
 
 /// The examples of the readme, compiled.
 #[cfg(doctest)]

@@ -1,7 +1,7 @@
 //! Vectors as columns.
 
 use glam::DVec3;
-use rayset_simd::{Backend, Kernel, LaneMask, Lanes, MAX_LANES, Simd};
+use rayset_simd::{Backend, Kernel, LaneMask, Lanes, MAX_LANES, Part, Simd};
 
 use crate::ray::{UNIT_RANGE, unit};
 
@@ -123,7 +123,6 @@ impl Kernel for Normalize<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let VectorColumns { columns: [xs, ys, zs], lengths } = self.vectors;
-        let (least, most) = (simd.splat_f64(UNIT_RANGE.start), simd.splat_f64(UNIT_RANGE.end));
         let n = S::F64::LANES;
         for (((xs, ys), zs), lengths) in xs
             .chunks_exact_mut(n)
@@ -131,21 +130,58 @@ impl Kernel for Normalize<'_> {
             .zip(zs.chunks_exact_mut(n))
             .zip(lengths.chunks_exact_mut(n))
         {
-            let (x, y, z) = (simd.load_f64(xs), simd.load_f64(ys), simd.load_f64(zs));
-            let squared = x * x + y * y + z * z;
-            let length = squared.sqrt();
+            let ([x, y, z], length) =
+                unit_lanes(simd, [simd.load_f64(xs), simd.load_f64(ys), simd.load_f64(zs)]);
             length.store(lengths);
-            (x / length).store(xs);
-            (y / length).store(ys);
-            (z / length).store(zs);
-            let mut others = (!(squared.ge(least) & squared.lt(most))).bits();
-            while others != 0 {
-                let i = others.trailing_zeros() as usize;
-                others &= others - 1;
-                let scaled = unit(DVec3::new(x.lane(i), y.lane(i), z.lane(i))).unwrap_or(DVec3::ZERO);
-                (xs[i], ys[i], zs[i]) = (scaled.x, scaled.y, scaled.z);
+            x.store(xs);
+            y.store(ys);
+            z.store(zs);
+        }
+    }
+}
+
+/// Vectors scaled to unit length, one a lane, with the bits of [`unit`](crate::unit()), and how long they were; what has
+/// no direction becomes zero.
+#[must_use]
+#[inline(always)]
+pub fn unit_lanes<S: Simd>(simd: S, [x, y, z]: [S::F64; 3]) -> ([S::F64; 3], S::F64) {
+    let (least, most) = (simd.splat_f64(UNIT_RANGE.start), simd.splat_f64(UNIT_RANGE.end));
+    let squared = x * x + y * y + z * z;
+    let length = squared.sqrt();
+    let scaled = [x / length, y / length, z / length];
+    let others = !(squared.ge(least) & squared.lt(most));
+    if others.any() {
+        return (simd.outline(UnitOneByOne { vectors: [x, y, z], scaled, others: others.bits() }), length);
+    }
+    (scaled, length)
+}
+
+/// Scales those of some lanes one by one.
+struct UnitOneByOne<S: Simd> {
+    vectors: [S::F64; 3],
+    scaled: [S::F64; 3],
+    others: u32,
+}
+
+impl<S: Simd> Part<S> for UnitOneByOne<S> {
+    type Output = [S::F64; 3];
+
+    #[inline(always)]
+    fn run(self, simd: S) -> [S::F64; 3] {
+        let Self { vectors: [x, y, z], scaled, mut others } = self;
+        let mut stored = [[0.0; MAX_LANES]; 3];
+        for (lanes, stored) in scaled.into_iter().zip(&mut stored) {
+            lanes.store(stored);
+        }
+        while others != 0 {
+            let i = others.trailing_zeros() as usize;
+            others &= others - 1;
+            let vector = unit(DVec3::new(x.lane(i), y.lane(i), z.lane(i))).unwrap_or(DVec3::ZERO);
+            for (stored, coordinate) in stored.iter_mut().zip(vector.to_array()) {
+                stored[i] = coordinate;
             }
         }
+        [simd.load_f64(&stored[0]), simd.load_f64(&stored[1]), simd.load_f64(&stored[2])]
     }
 }
 

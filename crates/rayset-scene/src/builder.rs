@@ -123,6 +123,7 @@ impl SceneBuilder {
             background: self.background,
             ambient: self.ambient,
             lights: self.lights,
+            spawns: self.materials.iter().map(Material::spawns).collect(),
             materials: self.materials,
             object_materials: Vec::with_capacity(self.objects.len()),
             objects: Vec::with_capacity(self.objects.len()),

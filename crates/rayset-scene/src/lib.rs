@@ -47,7 +47,7 @@ pub use error::{SceneError, Warning};
 pub use ids::{LightId, MaterialId, ObjectId, PrimitiveId, VolumeId};
 pub use light::{Illumination, Light};
 pub use load::{Limits, LoadOptions, LoadedScene, load_scene};
-pub use material::{Color, Material};
+pub use material::{Color, Material, Spawns};
 pub use nff::{load_nff, read_nff};
 #[cfg(feature = "obj")]
 pub use obj::{MtlLibrary, ObjGroup, ObjModel, load_obj, read_mtl, read_obj};

@@ -34,6 +34,20 @@ pub struct Material {
     pub emission: Color,
 }
 
+/// Which rays a surface sends out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Spawns {
+    /// None.
+    Nothing,
+    /// Reflected ones.
+    Reflected,
+    /// Reflected and refracted ones.
+    Both {
+        /// The index of refraction of the back against the front.
+        index: f64,
+    },
+}
+
 impl Default for Material {
     /// A matt grey.
     fn default() -> Self {
@@ -62,6 +76,16 @@ impl Material {
     #[inline]
     pub fn is_reflective(&self) -> bool {
         self.reflectance.max_element() > 0.0 || self.is_transmissive()
+    }
+
+    /// What the surface does with rays.
+    #[must_use]
+    pub fn spawns(&self) -> Spawns {
+        match (self.is_reflective(), self.is_transmissive()) {
+            (_, true) => Spawns::Both { index: self.index },
+            (true, false) => Spawns::Reflected,
+            (false, false) => Spawns::Nothing,
+        }
     }
 
     /// What makes the material unusable, if anything.

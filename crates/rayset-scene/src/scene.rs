@@ -4,12 +4,12 @@ use std::ops::Range;
 
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
-    BoundingBox, BoundingSphere, ColumnRun, PrimitiveColumns, PrimitiveKind, VolumeColumns, unit,
+    BoundingBox, BoundingSphere, ColumnRun, Outward, PrimitiveColumns, PrimitiveKind, VolumeColumns, unit,
 };
 
 use crate::patch::PatchNormals;
 use crate::{
-    Camera, Color, Light, LightId, Material, MaterialId, ObjectId, PrimitiveId, SceneError, VolumeId,
+    Camera, Color, Light, LightId, Material, MaterialId, ObjectId, PrimitiveId, SceneError, Spawns, VolumeId,
 };
 
 /// Primitives with one material, under bounding volumes.
@@ -53,6 +53,8 @@ pub struct Scene {
     pub(crate) ambient: Color,
     pub(crate) lights: Vec<Light>,
     pub(crate) materials: Vec<Material>,
+    /// What each material does with rays, packed: it is asked for at every hit.
+    pub(crate) spawns: Vec<Spawns>,
     pub(crate) objects: Vec<Object>,
     /// The material of each object, packed: it is asked for at every hit.
     pub(crate) object_materials: Vec<MaterialId>,
@@ -163,6 +165,17 @@ impl Scene {
         self.object_materials[object.index()]
     }
 
+    /// What a material does with rays: [`Material::spawns`].
+    ///
+    /// # Panics
+    ///
+    /// If there is no such material.
+    #[must_use]
+    #[inline]
+    pub fn spawns_of(&self, material: MaterialId) -> Spawns {
+        self.spawns[material.index()]
+    }
+
     /// All primitives, as columns for testing.
     #[must_use]
     pub fn primitives(&self) -> &PrimitiveColumns {
@@ -254,6 +267,19 @@ impl Scene {
         };
         let shading_normal = interpolated.and_then(unit).unwrap_or(normal);
         SurfacePoint { normal, shading_normal }
+    }
+
+    /// The normal of a curved primitive at a point of it, not yet scaled; `None` of what is flat, or shaded as if it were
+    /// not: see [`PrimitiveColumns::outward_at`].
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    #[must_use]
+    #[inline]
+    pub fn outward_at(&self, primitive: PrimitiveId, point: DVec3) -> Option<Outward> {
+        let PrimitiveLocation { kind, index, .. } = self.location(primitive);
+        self.primitives.outward_at(kind, index, point)
     }
 
     /// The normal of any length between those of a triangle's vertices, if they have any.

@@ -97,6 +97,13 @@ pub trait Lanes:
     /// `self` where `mask` is set, `other` elsewhere; bits are copied.
     #[must_use]
     fn select(self, mask: Self::Mask, other: Self) -> Self;
+    /// Moves the lanes that are set to the front of `out`, in their order; what stands in `out` after them is not
+    /// specified.
+    ///
+    /// # Panics
+    ///
+    /// If `out` is shorter than [`Lanes::LANES`].
+    fn compress(self, mask: Self::Mask, out: &mut [Self::Scalar]);
 }
 
 /// Lanes of single precision, which cull and never decide.
@@ -127,13 +134,6 @@ pub trait CullLanes: Lanes<Scalar = f32> {
     fn put(self, mask: Self::Mask, place: &mut Self) {
         *place = self.select(mask, *place);
     }
-    /// Moves the lanes that are set to the front of `out`, in their order; what stands in `out` after them is not
-    /// specified.
-    ///
-    /// # Panics
-    ///
-    /// If `out` is shorter than [`Lanes::LANES`].
-    fn compress(self, mask: Self::Mask, out: &mut [f32]);
 }
 
 /// A backend's token: the only way to make lanes, so lanes exist only where the machine has them.

@@ -26,6 +26,19 @@ macro_rules! array_lanes {
             fn of(lane: impl Fn(usize) -> bool) -> Self {
                 Self(from_fn(|i| if lane(i) { $bits::MAX } else { 0 }))
             }
+
+            /// Moves the values of set lanes to the front of `out`.
+            #[inline(always)]
+            fn compress<T: Copy>(self, values: [T; $n], out: &mut [T]) {
+                let out = &mut out[..$n];
+                let mut front = 0;
+                for (value, lane) in values.into_iter().zip(self.0) {
+                    // Written always and kept only if set: no branch to guess.
+                    out[front] = value;
+                    front += usize::from(lane != 0);
+                    front &= $n - 1;
+                }
+            }
         }
 
         impl LaneMask for $mask {
@@ -128,6 +141,10 @@ macro_rules! array_lanes {
                     $scalar::from_bits((a & mask.0[i]) | (b & !mask.0[i]))
                 }))
             }
+            #[inline(always)]
+            fn compress(self, mask: $mask, out: &mut [$scalar]) {
+                mask.compress(self.0, out);
+            }
         }
     };
     (@operator $lanes:ident, $trait:ident, $method:ident, $operator:tt) => {
@@ -164,23 +181,6 @@ impl CullLanes for F32x8 {
     #[inline(always)]
     fn greatest(self) -> f32 {
         self.0.into_iter().fold(f32::NEG_INFINITY, f32::max)
-    }
-    #[inline(always)]
-    fn compress(self, mask: M32x8, out: &mut [f32]) {
-        compress(mask, self.0, out);
-    }
-}
-
-/// Moves the values of set lanes to the front of `out`.
-#[inline(always)]
-fn compress<T: Copy>(mask: M32x8, values: [T; 8], out: &mut [T]) {
-    let out = &mut out[..8];
-    let mut front = 0;
-    for (value, lane) in values.into_iter().zip(mask.0) {
-        // Written always and kept only if set: no branch to guess.
-        out[front] = value;
-        front += usize::from(lane != 0);
-        front &= 7;
     }
 }
 
@@ -240,6 +240,6 @@ impl Simd for Portable {
     #[inline(always)]
     fn compress_u32(self, mask: M32x8, values: &[u32], out: &mut [u32]) {
         let values = &values[..8];
-        compress(mask, from_fn(|i| values[i]), out);
+        mask.compress(from_fn(|i| values[i]), out);
     }
 }

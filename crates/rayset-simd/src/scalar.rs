@@ -61,6 +61,10 @@ macro_rules! scalar_lanes {
             fn select(self, mask: bool, other: Self) -> Self {
                 if mask { self } else { other }
             }
+            #[inline(always)]
+            fn compress(self, _: bool, out: &mut [$scalar]) {
+                out[0] = self;
+            }
         }
     };
 }

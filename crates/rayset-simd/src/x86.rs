@@ -14,7 +14,8 @@ macro_rules! register_lanes {
         neg: |$neg_a:ident| $neg:expr, abs: |$abs_a:ident| $abs:expr,
         lt: |$lt_a:ident, $lt_b:ident| $lt:expr, le: |$le_a:ident, $le_b:ident| $le:expr,
         eq: |$eq_a:ident, $eq_b:ident| $eq:expr,
-        select: |$select_mask:ident, $select_a:ident, $select_b:ident| $select:expr $(,)?
+        select: |$select_mask:ident, $select_a:ident, $select_b:ident| $select:expr,
+        compress: |$compress_mask:ident, $compress_a:ident| $compress:expr $(,)?
     ) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug)]
@@ -97,6 +98,14 @@ macro_rules! register_lanes {
                 let ($select_mask, $select_a, $select_b) = (mask.0, self.0, other.0);
                 // SAFETY: see the macro.
                 Self(unsafe { $select })
+            }
+            #[inline(always)]
+            fn compress(self, mask: $mask, out: &mut [$scalar]) {
+                let out = &mut out[..$n];
+                let ($compress_mask, $compress_a) = (mask.0, self.0);
+                // In a register, which is stored whole: the instruction that compresses into memory takes several times
+                // as long. SAFETY: see the macro.
+                unsafe { $store(out.as_mut_ptr(), $compress) }
             }
         }
     };

@@ -32,6 +32,14 @@ impl Kernel for AllOperations<'_> {
                 a.select(simd.mask_f64(0), b),
                 simd.collect_f64(|lane| self.b[i + lane]),
             ];
+            for bits in 0..1_u32 << S::F64::LANES {
+                let mut front = [0.0; MAX_LANES];
+                a.compress(simd.mask_f64(bits), &mut front);
+                let set = (0..S::F64::LANES).filter(|lane| bits >> lane & 1 == 1);
+                for (lane, found) in set.zip(front) {
+                    assert_eq!(found.to_bits(), self.a[i + lane].to_bits());
+                }
+            }
             for lane in 0..S::F64::LANES {
                 let mut stored = [0.0; MAX_LANES];
                 for number in numbers {

@@ -85,6 +85,7 @@ register_lanes! {
     le: |a, b| _mm256_cmp_pd::<_CMP_LE_OQ>(a, b),
     eq: |a, b| _mm256_cmp_pd::<_CMP_EQ_OQ>(a, b),
     select: |mask, a, b| _mm256_blendv_pd(b, a, mask),
+    compress: |mask, a| _mm256_castps_pd(_mm256_permutevar8x32_ps(_mm256_castpd_ps(a), front_pairs(Avx2M64(mask)))),
 }
 
 register_lanes! {
@@ -98,6 +99,7 @@ register_lanes! {
     le: |a, b| _mm256_cmp_ps::<_CMP_LE_OQ>(a, b),
     eq: |a, b| _mm256_cmp_ps::<_CMP_EQ_OQ>(a, b),
     select: |mask, a, b| _mm256_blendv_ps(b, a, mask),
+    compress: |mask, a| _mm256_permutevar8x32_ps(a, front(Avx2M32(mask))),
 }
 
 /// For each mask of eight lanes, the permutation that moves its set lanes to the front.
@@ -124,6 +126,33 @@ fn front(mask: Avx2M32) -> __m256i {
     let lanes: &[u32; 8] = &FRONT[mask.bits() as usize & 0xff];
     // SAFETY: see `register_lanes`; the array holds a register.
     unsafe { _mm256_loadu_si256(lanes.as_ptr().cast()) }
+}
+
+/// The same for masks of four lanes of twice the width.
+static FRONT_PAIRS: [[u32; 8]; 16] = {
+    let mut table = [[0; 8]; 16];
+    let mut mask = 0;
+    while mask < 16 {
+        let (mut lane, mut front) = (0_u32, 0);
+        while lane < 4 {
+            if mask >> lane & 1 == 1 {
+                table[mask][front] = 2 * lane;
+                table[mask][front + 1] = 2 * lane + 1;
+                front += 2;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+};
+
+/// Where the halves of the set lanes of a mask come from when they are moved to the front.
+#[inline(always)]
+fn front_pairs(mask: Avx2M64) -> __m256i {
+    let halves: &[u32; 8] = &FRONT_PAIRS[mask.bits() as usize & 0xf];
+    // SAFETY: see `register_lanes`; the array holds a register.
+    unsafe { _mm256_loadu_si256(halves.as_ptr().cast()) }
 }
 
 impl CullLanes for Avx2F32 {
@@ -169,13 +198,6 @@ impl CullLanes for Avx2F32 {
         let whole = self.select(mask, *place);
         // SAFETY: a reference may be written to. Volatile, so that it stays a whole store.
         unsafe { std::ptr::write_volatile(place, whole) }
-    }
-
-    #[inline(always)]
-    fn compress(self, mask: Avx2M32, out: &mut [f32]) {
-        let out = &mut out[..8];
-        // SAFETY: see `register_lanes`; the slice holds a register.
-        unsafe { _mm256_storeu_ps(out.as_mut_ptr(), _mm256_permutevar8x32_ps(self.0, front(mask))) }
     }
 }
 

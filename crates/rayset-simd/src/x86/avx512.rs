@@ -65,6 +65,7 @@ register_lanes! {
     le: |a, b| _mm512_cmp_pd_mask::<_CMP_LE_OQ>(a, b),
     eq: |a, b| _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(a, b),
     select: |mask, a, b| _mm512_mask_blend_pd(mask, b, a),
+    compress: |mask, a| _mm512_maskz_compress_pd(mask, a),
 }
 
 register_lanes! {
@@ -78,6 +79,7 @@ register_lanes! {
     le: |a, b| _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b),
     eq: |a, b| _mm512_cmp_ps_mask::<_CMP_EQ_OQ>(a, b),
     select: |mask, a, b| _mm512_mask_blend_ps(mask, b, a),
+    compress: |mask, a| _mm512_maskz_compress_ps(mask, a),
 }
 
 impl CullLanes for Avx512F32 {
@@ -118,14 +120,6 @@ impl CullLanes for Avx512F32 {
         let whole = self.select(mask, *place);
         // SAFETY: a reference may be written to. Volatile, so that it stays a whole store.
         unsafe { std::ptr::write_volatile(place, whole) }
-    }
-
-    #[inline(always)]
-    fn compress(self, mask: Avx512M32, out: &mut [f32]) {
-        let out = &mut out[..16];
-        // SAFETY: see `register_lanes`. Compressing in a register and storing it whole is several times faster than
-        // the instruction that compresses into memory.
-        unsafe { _mm512_storeu_ps(out.as_mut_ptr(), _mm512_maskz_compress_ps(mask.0, self.0)) }
     }
 }
 

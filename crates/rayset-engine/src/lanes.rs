@@ -1,0 +1,94 @@
+//! Numbers and vectors of sixteen rows, in lanes.
+
+use rayset_geometry::glam::DVec3;
+use rayset_simd::{Lanes, MAX_LANES, Simd};
+
+/// How many rows a block holds.
+pub(crate) const ROWS: usize = MAX_LANES;
+
+/// A number a row.
+pub(crate) type Numbers = [f64; ROWS];
+
+/// The x, y and z of a vector a row.
+pub(crate) type Vectors = [Numbers; 3];
+
+/// The block that holds a row, and the row's place in it.
+#[inline(always)]
+pub(crate) fn place(row: usize) -> (usize, usize) {
+    (row / ROWS, row % ROWS)
+}
+
+/// How many blocks hold so many rows.
+#[inline(always)]
+pub(crate) fn n_blocks(rows: usize) -> usize {
+    rows.div_ceil(ROWS)
+}
+
+/// The vector of a row of a block.
+#[inline(always)]
+pub(crate) fn vector([x, y, z]: &Vectors, row: usize) -> DVec3 {
+    DVec3::new(x[row], y[row], z[row])
+}
+
+/// The numbers of a column from a row on; after the last, anything.
+#[inline(always)]
+pub(crate) fn tail<S: Simd>(simd: S, values: &[f64], row: usize) -> S::F64 {
+    let values = &values[row..];
+    if values.len() >= S::F64::LANES {
+        return simd.load_f64(values);
+    }
+    // Of a length, so that nobody stops to find that it has none.
+    let mut padded = [1.0; MAX_LANES];
+    padded[..values.len()].copy_from_slice(values);
+    simd.load_f64(&padded)
+}
+
+/// The vectors of columns from a row on; after the last, anything.
+#[inline(always)]
+pub(crate) fn tail3<S: Simd>(simd: S, [x, y, z]: &[Vec<f64>; 3], row: usize) -> [S::F64; 3] {
+    [tail(simd, x, row), tail(simd, y, row), tail(simd, z, row)]
+}
+
+/// The numbers of a block from a row on.
+#[inline(always)]
+pub(crate) fn load<S: Simd>(simd: S, numbers: &Numbers, row: usize) -> S::F64 {
+    simd.load_f64(&numbers[row..row + S::F64::LANES])
+}
+
+/// The vectors of a block from a row on.
+#[inline(always)]
+pub(crate) fn load3<S: Simd>(simd: S, [x, y, z]: &Vectors, row: usize) -> [S::F64; 3] {
+    [load(simd, x, row), load(simd, y, row), load(simd, z, row)]
+}
+
+/// Writes numbers of a block from a row on.
+#[inline(always)]
+pub(crate) fn store<S: Simd>(lanes: S::F64, numbers: &mut Numbers, row: usize) {
+    lanes.store(&mut numbers[row..row + S::F64::LANES]);
+}
+
+/// Writes vectors of a block from a row on.
+#[inline(always)]
+pub(crate) fn store3<S: Simd>([x, y, z]: [S::F64; 3], [xs, ys, zs]: &mut Vectors, row: usize) {
+    store::<S>(x, xs, row);
+    store::<S>(y, ys, row);
+    store::<S>(z, zs, row);
+}
+
+/// The dot products of vectors, in the order of operations of `DVec3::dot`.
+#[inline(always)]
+pub(crate) fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// `a` in the lanes of a mask, `b` in the others.
+#[inline(always)]
+pub(crate) fn select<S: Simd>(mask: <S::F64 as Lanes>::Mask, a: [S::F64; 3], b: [S::F64; 3]) -> [S::F64; 3] {
+    [a[0].select(mask, b[0]), a[1].select(mask, b[1]), a[2].select(mask, b[2])]
+}
+
+/// The same vector in every lane.
+#[inline(always)]
+pub(crate) fn splat3<S: Simd>(simd: S, vector: DVec3) -> [S::F64; 3] {
+    [simd.splat_f64(vector.x), simd.splat_f64(vector.y), simd.splat_f64(vector.z)]
+}
