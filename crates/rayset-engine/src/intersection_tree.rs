@@ -144,10 +144,15 @@ impl IntersectionTrees {
         if self.levels.is_empty() {
             self.levels.push(Level::default());
         }
-        let roots = &mut self.levels[0];
+        let roots = self.roots();
         roots.restart();
         roots.rays.clear();
         roots
+    }
+
+    /// The level of the initial rays, once it has begun.
+    pub(crate) fn roots(&mut self) -> &mut Level {
+        &mut self.levels[0]
     }
 
     /// A level to be grown, counted from 0, and the next, empty.

@@ -255,31 +255,17 @@ impl Generation {
 
     /// Adds the initial rays of the ray-sets from `first` on.
     pub(crate) fn extend_initial(&mut self, first: RaySetIndex, rays: impl IntoIterator<Item = Ray>) {
-        let mut rays = rays.into_iter();
-        // As many as are promised, without asking for each whether there is room.
-        let n = rays.size_hint().0;
-        let [ox, oy, oz] = self.origins.each_mut().map(|column| {
-            column.resize(n, 0.0);
-            &mut column[..n]
-        });
-        let [dx, dy, dz] = self.directions.each_mut().map(|column| {
-            column.resize(n, 0.0);
-            &mut column[..n]
-        });
-        let mut promised = 0;
-        for ray in rays.by_ref().take(n) {
-            (ox[promised], oy[promised], oz[promised]) = ray.origin().into();
-            (dx[promised], dy[promised], dz[promised]) = ray.direction().into();
-            promised += 1;
-        }
-        assert!(promised == n, "an iterator gives as many as it promises");
         for ray in rays {
             for k in 0..3 {
                 self.origins[k].push(ray.origin()[k]);
                 self.directions[k].push(ray.direction()[k]);
             }
         }
-        let n = self.origins[0].len();
+        self.finish_initial(first, self.origins[0].len());
+    }
+
+    /// Fills what is the same for all initial rays, once there are origins and directions of so many.
+    pub(crate) fn finish_initial(&mut self, first: RaySetIndex, n: usize) {
         assert!(u32::try_from(n).is_ok(), "fewer than 2^32 ray-sets");
         self.ray_sets.extend((first.0..).take(n).map(RaySetIndex));
         self.slots.resize(n, Slot::ROOT);

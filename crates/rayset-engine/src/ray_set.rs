@@ -9,6 +9,7 @@ use rayset_simd::{Backend, Kernel, LaneMask, Lanes, Simd};
 use crate::intersection_tree::{Level, Run};
 use crate::lanes::{ROWS, load3, place, tail3};
 use crate::leaving::{Children, LightRays};
+use crate::sampling::EyeRayMaker;
 use crate::{
     Answers, ByKind, Generation, Hit, IntersectionTrees, MAX_DEPTH, QueryWork, RayCounts, RayKind,
     RaySetIndex, Recording, ShadowGeneration, Slot, Tracer, Work,
@@ -130,8 +131,32 @@ impl RaySets {
         initial_rays: impl IntoIterator<Item = Ray>,
         options: &TreeOptions,
     ) -> &IntersectionTrees {
-        let roots = self.trees.begin(first);
-        roots.rays.extend_initial(first, initial_rays);
+        self.trees.begin(first).rays.extend_initial(first, initial_rays);
+        self.grow_roots(scene, tracer, first, options)
+    }
+
+    /// Grows the trees of the ray-sets of an image that pass through some places of it.
+    pub(crate) fn grow_places(
+        &mut self,
+        scene: &Scene,
+        tracer: &mut dyn Tracer,
+        first: RaySetIndex,
+        (eye_rays, places): (&EyeRayMaker<'_>, &[(u32, u32)]),
+        options: &TreeOptions,
+    ) -> &IntersectionTrees {
+        eye_rays.fill(self.backend, first, places, &mut self.trees.begin(first).rays);
+        self.grow_roots(scene, tracer, first, options)
+    }
+
+    /// Grows the trees whose initial rays stand in the first level.
+    fn grow_roots(
+        &mut self,
+        scene: &Scene,
+        tracer: &mut dyn Tracer,
+        first: RaySetIndex,
+        options: &TreeOptions,
+    ) -> &IntersectionTrees {
+        let roots = self.trees.roots();
         let n = roots.len();
         roots.weights.resize(n, 1.0);
         roots.runs.push(Run { slot: Slot::ROOT, rows: 0..n });

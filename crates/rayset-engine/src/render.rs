@@ -353,7 +353,7 @@ fn sweep(
     order.extend_with_pixels(places, width, rows.clone());
     // Every place is written.
     radiance.resize(places.len(), Color::ZERO);
-    let mut eye_rays = EyeRayMaker::new(&canvas.grid, scene.camera(), rows.clone());
+    let eye_rays = EyeRayMaker::new(&canvas.grid, scene.camera(), rows.clone());
     let tree_options = TreeOptions { max_depth: options.max_depth, cutoff: options.cutoff };
     let bundle_len = options.bundle_len.unwrap_or_else(|| strategy.preferred_bundle_len());
     // A tree of depth d has fewer than 2^d nodes.
@@ -362,7 +362,7 @@ fn sweep(
     for (i, bundle) in places.chunks(bundle_len).enumerate() {
         let bundle_start = u32::try_from(i * bundle_len).expect("fewer than 2^32 rays");
         let first = RaySetIndex(first + bundle_start);
-        let trees = ray_sets.grow(scene, tracer.as_mut(), first, eye_rays.rays(bundle), &tree_options);
+        let trees = ray_sets.grow_places(scene, tracer.as_mut(), first, (&eye_rays, bundle), &tree_options);
         colors.clear();
         shade(trees, scene, shading, colors);
         for (&(x, y), color) in bundle.iter().zip(&*colors) {

@@ -2,8 +2,12 @@
 
 use std::ops::Range;
 
-use rayset_geometry::{Ray, VectorColumns};
+use rayset_geometry::unit_lanes;
 use rayset_scene::{Camera, Color};
+use rayset_simd::{Backend, Kernel, Lanes, MAX_LANES, Simd};
+
+use crate::lanes::splat3;
+use crate::{Generation, RaySetIndex};
 
 /// Where initial rays pass through the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -46,7 +50,6 @@ pub(crate) struct EyeRayMaker<'c> {
     right: Vec<f64>,
     up: Vec<f64>,
     first_row: u32,
-    directions: VectorColumns,
 }
 
 impl<'c> EyeRayMaker<'c> {
@@ -60,18 +63,58 @@ impl<'c> EyeRayMaker<'c> {
             right: columns.map(right).collect(),
             up: rows.clone().map(up).collect(),
             first_row: rows.start,
-            directions: VectorColumns::default(),
         }
     }
 
-    /// The rays at some places of the grid, with the bits of [`Camera::ray`].
-    pub(crate) fn rays(&mut self, places: &[(u32, u32)]) -> impl Iterator<Item = Ray> {
-        let Self { camera, right, up, first_row, directions } = self;
-        directions.clear();
-        let place = |&(x, y): &(u32, u32)| (right[x as usize], up[(y - *first_row) as usize]);
-        directions.extend(places.iter().map(|at| camera.towards(place(at))));
-        directions.normalize();
-        (0..places.len()).map(|i| Ray::new(camera.viewpoint(), directions.get(i)))
+    /// Adds the rays at some places of the grid, the ray-sets from `first` on, with the bits of [`Camera::ray`].
+    pub(crate) fn fill(
+        &self,
+        backend: Backend,
+        first: RaySetIndex,
+        places: &[(u32, u32)],
+        rays: &mut Generation,
+    ) {
+        let directions = rays.directions.each_mut().map(|column| {
+            column.resize(places.len() + MAX_LANES, 0.0);
+            &mut column[..]
+        });
+        backend.run(Aim { maker: self, places, directions });
+        rays.directions.iter_mut().for_each(|column| column.truncate(places.len()));
+        for (column, coordinate) in rays.origins.iter_mut().zip(self.camera.viewpoint().to_array()) {
+            column.resize(places.len(), coordinate);
+        }
+        rays.finish_initial(first, places.len());
+    }
+}
+
+/// Where rays go from the viewpoint.
+struct Aim<'a> {
+    maker: &'a EyeRayMaker<'a>,
+    places: &'a [(u32, u32)],
+    directions: [&'a mut [f64]; 3],
+}
+
+impl Kernel for Aim<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { maker, places, directions: [xs, ys, zs] } = self;
+        let [forward, right, up] = maker.camera.axes().map(|axis| splat3(simd, axis));
+        for (i, places) in places.chunks(S::F64::LANES).enumerate() {
+            let place = |lane: usize| places.get(lane).copied().unwrap_or(places[0]);
+            let to_right = simd.collect_f64(|lane| maker.right[place(lane).0 as usize]);
+            let upwards = simd.collect_f64(|lane| maker.up[(place(lane).1 - maker.first_row) as usize]);
+            let mut towards = forward;
+            for k in 0..3 {
+                towards[k] = forward[k] + to_right * right[k] + upwards * up[k];
+            }
+            let ([x, y, z], _) = unit_lanes(simd, towards);
+            let first = i * S::F64::LANES;
+            x.store(&mut xs[first..]);
+            y.store(&mut ys[first..]);
+            z.store(&mut zs[first..]);
+        }
     }
 }
 
@@ -156,15 +199,20 @@ mod tests {
     #![expect(clippy::float_cmp, reason = "numbers that no rounding touches")]
 
     use rayset_geometry::glam::DVec3;
+    use rayset_geometry::{Ray, Span};
 
     use super::*;
+    use crate::Slot;
 
     fn grid(eye_rays: EyeRays) -> Grid {
         Grid { image: (8, 6), crop: Crop { x: 2, y: 1, width: 3, height: 2 }, eye_rays }
     }
 
-    fn rays(grid: &Grid, camera: &Camera, place: (u32, u32)) -> Ray {
-        EyeRayMaker::new(grid, camera, place.1..place.1 + 1).rays(&[place]).next().unwrap()
+    fn ray(grid: &Grid, camera: &Camera, place: (u32, u32)) -> Ray {
+        let mut rays = Generation::default();
+        let maker = EyeRayMaker::new(grid, camera, place.1..place.1 + 1);
+        maker.fill(Backend::active(), RaySetIndex(0), &[place], &mut rays);
+        rays.query(0).ray
     }
 
     #[test]
@@ -172,11 +220,19 @@ mod tests {
         let camera = Camera::new(DVec3::new(0.3, -2.0, 7.0), DVec3::ZERO, DVec3::Y, 37.0).unwrap();
         let whole = Crop { x: 0, y: 0, width: 37, height: 11 };
         let grid = Grid { image: (37, 11), crop: whole, eye_rays: EyeRays::Centers { samples: 3 } };
-        let mut maker = EyeRayMaker::new(&grid, &camera, 6..33);
+        let maker = EyeRayMaker::new(&grid, &camera, 6..33);
         let places: Vec<_> = (6..33).flat_map(|y| (0..111).map(move |x| (x, y))).collect();
-        for (ray, &(x, y)) in maker.rays(&places).zip(&places) {
-            let at = |i: u32| (f64::from(i) + 0.5) / 3.0;
-            assert_eq!(ray, camera.ray(at(x), at(y), 37, 11));
+        for &backend in Backend::available() {
+            let mut rays = Generation::default();
+            maker.fill(backend, RaySetIndex(5), &places, &mut rays);
+            assert_eq!(rays.len(), places.len());
+            for (i, &(x, y)) in places.iter().enumerate() {
+                let at = |i: u32| (f64::from(i) + 0.5) / 3.0;
+                let query = rays.query(i);
+                assert_eq!(query.ray, camera.ray(at(x), at(y), 37, 11));
+                assert_eq!((query.slot, query.ray_set.0 as usize), (Slot::ROOT, 5 + i));
+                assert_eq!((query.span, query.originating), (Span::FORWARD, None));
+            }
         }
     }
 
@@ -185,7 +241,7 @@ mod tests {
         let corners = grid(EyeRays::Corners);
         assert_eq!((corners.width(), corners.height()), (4, 3));
         let camera = Camera::default();
-        assert_eq!(rays(&corners, &camera, (1, 2)), camera.ray(3.0, 3.0, 8, 6));
+        assert_eq!(ray(&corners, &camera, (1, 2)), camera.ray(3.0, 3.0, 8, 6));
         assert_eq!(corners.owner((2, 1)), Some((5, true)));
         assert_eq!(corners.owner((3, 1)), None);
         let radiance: Vec<Color> = (0..12).map(|i| DVec3::splat(f64::from(i))).collect();
@@ -197,7 +253,7 @@ mod tests {
         let fine = grid(EyeRays::Centers { samples: 2 });
         assert_eq!((fine.width(), fine.height()), (6, 4));
         let camera = Camera::default();
-        assert_eq!(rays(&fine, &camera, (1, 2)), camera.ray(2.75, 2.25, 8, 6));
+        assert_eq!(ray(&fine, &camera, (1, 2)), camera.ray(2.75, 2.25, 8, 6));
         assert_eq!(fine.owner((3, 2)), Some((4, false)));
         assert_eq!(fine.owner((2, 2)), Some((4, true)));
         let radiance: Vec<Color> = (0..24).map(|i| DVec3::splat(f64::from(i))).collect();
@@ -207,6 +263,6 @@ mod tests {
     #[test]
     fn crop_shows_the_rays_of_the_whole_image() {
         let camera = Camera::default();
-        assert_eq!(rays(&grid(EyeRays::default()), &camera, (0, 1)), camera.ray(2.5, 2.5, 8, 6));
+        assert_eq!(ray(&grid(EyeRays::default()), &camera, (0, 1)), camera.ray(2.5, 2.5, 8, 6));
     }
 }

@@ -122,12 +122,17 @@ impl Camera {
         (right, up)
     }
 
-    /// The vector from the viewpoint to a point that lies so far to the right and up, at a distance of one unit.
+    /// The unit vectors forwards, to the right and upwards, in world space.
     ///
-    /// [`Camera::ray`] goes along it; rays of a grid can share their tangents, and be scaled to unit length together.
+    /// [`Camera::ray`] goes along `forwards + right * (to the right) + up * (upwards)` with the tangents `right` and `up`;
+    /// rays of a grid can share their tangents, and be scaled to unit length together.
     #[must_use]
+    pub fn axes(&self) -> [DVec3; 3] {
+        [self.forward, self.right, self.up]
+    }
+
     #[inline]
-    pub fn towards(&self, (right, up): (f64, f64)) -> DVec3 {
+    fn towards(&self, (right, up): (f64, f64)) -> DVec3 {
         self.forward + right * self.right + up * self.up
     }
 }
