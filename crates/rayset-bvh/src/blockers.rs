@@ -10,16 +10,17 @@
 use rayset_geometry::PrimitiveKind;
 use rayset_simd::{LaneMask, Part, Simd};
 
-use crate::bundle::Trial;
 use crate::columns::Left;
 use crate::exact::NONE;
-use crate::interval::{Chords, Rounding, Sheared};
+use crate::interval::Chords;
 use crate::leaf::PACKET_TEST_STEPS;
 use crate::packet::Packet;
 use crate::ray::CullRays;
 use crate::shaft::Shaft;
 use crate::shapes::Shapes;
 use crate::together::Question;
+use crate::trial::Trial;
+use crate::triangles::{Rounding, Sheared};
 
 /// How many blockers are remembered.
 const REMEMBERED: usize = 4;

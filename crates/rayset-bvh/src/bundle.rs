@@ -12,22 +12,22 @@ use rayset_simd::{Part, Simd};
 use crate::blockers::Blockers;
 use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::descent::{Descent, OfPacket, OfTile};
-use crate::each::{AnyHit, NearestHit, OfRay, Rays};
+use crate::each::{OfRay, Rays};
 use crate::exact::{Departing, Exact};
-use crate::few::{BLOCK, BlocksOfFew, EachOfFew, OfFew};
+use crate::few::{BLOCK, BlocksOfFew, EachOfFew};
 use crate::frame::Frame;
 use crate::hierarchy::{Hierarchy, Scratch, Task, Wide};
+use crate::lists::{List, NearestHits, Occluded};
 use crate::packet::{Approach, Packet, level};
 use crate::shaft::Shaft;
 use crate::shapes::Shapes;
-use crate::together::{Hidden, Nearest, Question};
+use crate::together::Question;
+use crate::trial::Trial;
 
 /// What it costs to make a packet, in steps.
 const PACKET_STEPS: u64 = 2;
 /// Fewer rays than this are traced one by one.
 const LEAST_PACKET: usize = 4;
-/// After how many shafts at most one is tried again.
-const LONGEST_WAIT: usize = 32;
 /// What is taken for the steps of a ray before any was traced alone.
 const FIRST_STEPS: u64 = 8;
 
@@ -53,18 +53,6 @@ struct Class {
     alone: (u64, u64),
 }
 
-/// Whether a kind of shaft is worth trying.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Trial {
-    /// How many are not tried.
-    wait: usize,
-    /// How many will not be tried after the next loss.
-    next_wait: usize,
-    /// Steps spent and saved of late.
-    spent: u64,
-    saved: u64,
-}
-
 /// How many classes of rays are told apart, at most.
 const N_CLASSES: usize = 64;
 
@@ -79,36 +67,6 @@ pub struct Bundled {
     pub blockers: u64,
     /// One by one.
     pub alone: u64,
-}
-
-impl Trial {
-    pub(crate) const NEW: Self = Self { wait: 1, next_wait: 1, spent: 0, saved: 0 };
-
-    /// Whether to try the next.
-    pub(crate) fn is_due(&mut self) -> bool {
-        self.wait = self.wait.saturating_sub(1);
-        self.wait == 0
-    }
-
-    /// Whether it has saved of late what it has spent.
-    fn pays(&self) -> bool {
-        self.saved >= self.spent
-    }
-
-    /// Takes in what a shaft took, and what its rays would have taken otherwise if it has answered them.
-    pub(crate) fn end(&mut self, spent: u64, saved: u64) {
-        // What is long ago counts less and less.
-        self.spent = self.spent / 8 * 7 + spent;
-        self.saved = self.saved / 8 * 7 + saved;
-        if self.pays() {
-            (self.wait, self.next_wait) = (1, 1);
-        } else if saved >= spent {
-            (self.wait, self.next_wait) = (1, (self.next_wait / 2).max(1));
-        } else {
-            self.wait = self.next_wait;
-            self.next_wait = (2 * self.next_wait).min(LONGEST_WAIT);
-        }
-    }
 }
 
 impl Class {
@@ -215,129 +173,6 @@ impl<L: List> Task for OfBundle<'_, L> {
     fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) {
         let Self { rays, range, class, list, scratch } = self;
         wide.bundle(simd, frame, rays, range, class, list, scratch);
-    }
-}
-
-/// Where the answers of a list go, and how rays are answered.
-trait List {
-    /// What a packet asks for.
-    type Asked<S: Simd, const W: usize>: Question<S, W>;
-    /// Whether any hit is an answer, so that what blocked other rays is asked first.
-    const ANY: bool;
-    /// What a ray by itself asks for.
-    type OfRay: OfFew + Default;
-
-    /// Where the answers go.
-    fn places(&mut self) -> &mut [<Self::OfRay as OfRay>::Answer];
-
-    /// A packet begins with what is known of its rays.
-    fn begin<S: Simd, const W: usize>(
-        &self,
-        simd: S,
-        frame: &Frame,
-        packet: &mut Packet<S, W>,
-        asked: &mut Self::Asked<S, W>,
-    );
-
-    /// Takes over what a packet has found.
-    fn answer<S: Simd, const W: usize>(
-        &mut self,
-        simd: S,
-        exact: &Exact<'_, W>,
-        packet: &Packet<S, W>,
-        asked: Self::Asked<S, W>,
-    );
-}
-
-/// Places of nearest hits, all without one at first.
-struct NearestHits<'a>(&'a mut [HitOrNone]);
-
-impl List for NearestHits<'_> {
-    type Asked<S: Simd, const W: usize> = Nearest<S>;
-    type OfRay = NearestHit;
-    const ANY: bool = false;
-
-    fn places(&mut self) -> &mut [HitOrNone] {
-        self.0
-    }
-
-    #[inline(always)]
-    fn begin<S: Simd, const W: usize>(
-        &self,
-        simd: S,
-        frame: &Frame,
-        packet: &mut Packet<S, W>,
-        _: &mut Nearest<S>,
-    ) {
-        packet.know(simd, frame, &self.0[packet.first..packet.first + packet.len]);
-    }
-
-    #[inline(always)]
-    fn answer<S: Simd, const W: usize>(
-        &mut self,
-        simd: S,
-        exact: &Exact<'_, W>,
-        packet: &Packet<S, W>,
-        asked: Nearest<S>,
-    ) {
-        let places = &mut self.0[packet.first..packet.first + packet.len];
-        let mut known = packet.known;
-        if known == 0 {
-            asked.finish(simd, exact, packet, places);
-            return;
-        }
-        let mut before = [HitOrNone::NONE; W];
-        before[..packet.len].copy_from_slice(places);
-        asked.finish(simd, exact, packet, places);
-        // What was found lies before what was known, or about there.
-        while known != 0 {
-            let lane = known.trailing_zeros() as usize % W;
-            known &= known - 1;
-            if let (Some(before), Some(now)) = (before[lane].get(), places[lane].get())
-                && before.precedes(&now)
-            {
-                places[lane] = before.into();
-            }
-        }
-    }
-}
-
-/// Places that say whether something is hit, all false at first.
-struct Occluded<'a>(&'a mut [bool]);
-
-impl List for Occluded<'_> {
-    type Asked<S: Simd, const W: usize> = Hidden;
-    type OfRay = AnyHit<true>;
-    const ANY: bool = true;
-
-    fn places(&mut self) -> &mut [bool] {
-        self.0
-    }
-
-    #[inline(always)]
-    fn begin<S: Simd, const W: usize>(
-        &self,
-        simd: S,
-        _: &Frame,
-        packet: &mut Packet<S, W>,
-        asked: &mut Hidden,
-    ) {
-        let known = &self.0[packet.first..packet.first + packet.len];
-        let lanes = (0..).zip(known).fold(0, |lanes, (lane, &is_hit)| lanes | u32::from(is_hit) << lane);
-        asked.begin(simd, packet, lanes);
-    }
-
-    #[inline(always)]
-    fn answer<S: Simd, const W: usize>(
-        &mut self,
-        _: S,
-        _: &Exact<'_, W>,
-        packet: &Packet<S, W>,
-        asked: Hidden,
-    ) {
-        for lane in 0..packet.len {
-            self.0[packet.first + lane] = asked.lanes >> lane & 1 == 1;
-        }
     }
 }
 
@@ -462,10 +297,10 @@ impl<const W: usize> Wide<W> {
             let packets = len.div_ceil(W);
             if suits && len > W && known.wants_tile() {
                 self.tile(simd, frame, rays, place, is_known, class, list, scratch);
-            } else if suits && len >= LEAST_PACKET && known.packets.wait <= packets {
+            } else if suits && len >= LEAST_PACKET && known.packets.is_due_within(packets) {
                 self.packets(simd, frame, rays, place, is_known, class, list, scratch);
             } else {
-                known.packets.wait = known.packets.wait.saturating_sub(packets).max(1);
+                known.packets.pass(packets);
                 let range = place.0..place.0 + len;
                 self.alone(simd, frame, rays, range, is_known, class, list, scratch);
             }
@@ -681,39 +516,5 @@ impl<const W: usize> Wide<W> {
             self.alone(simd, exact.frame, exact.rays, range, true, class, list, scratch);
             scratch.bundled.alone -= blocked;
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn shafts_that_do_not_pay_are_tried_less_and_less() {
-        let mut trial = Trial::NEW;
-        let mut tried = Vec::new();
-        for shaft in 0..200 {
-            if trial.is_due() {
-                tried.push(shaft);
-                trial.end(10, 0);
-            }
-        }
-        assert_eq!(tried, [0, 1, 3, 7, 15, 31, 63, 95, 127, 159, 191]);
-    }
-
-    #[test]
-    fn one_that_pays_is_followed_by_another_whatever_was_lost_before() {
-        let mut trial = Trial::NEW;
-        for _ in 0..8 {
-            trial.end(100, 0);
-        }
-        assert_eq!((trial.wait, trial.next_wait), (32, 32));
-        trial.end(10, 12);
-        assert!(!trial.pays(), "what was lost is not forgotten at once");
-        assert_eq!((trial.wait, trial.next_wait), (1, 16));
-        trial.end(10, 0);
-        assert_eq!((trial.wait, trial.next_wait), (16, 32));
-        trial.end(0, 1000);
-        assert_eq!((trial.wait, trial.next_wait), (1, 1), "all is made up for");
     }
 }

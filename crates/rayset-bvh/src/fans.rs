@@ -9,10 +9,11 @@ use rayset_geometry::glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::frame::Frame;
-use crate::interval::{DEPTH_MARGIN, Intervals, Rounding, Sheared, Sides, TriangleBlock};
+use crate::interval::Intervals;
 use crate::packet::Packet;
 use crate::ray::CullRay;
 use crate::shaft::Shaft;
+use crate::triangles::{DEPTH_MARGIN, Rounding, Sheared, Sides, TriangleBlock};
 
 /// A polygon of more vertices is not tested as a fan: by its `f64` test alone it is as fast.
 const MOST_VERTICES: usize = 8;

@@ -12,11 +12,11 @@ use rayset_geometry::{BoundingSphere, Primitive, PrimitiveKind, RayLanes, Sides,
 use rayset_simd::{LaneMask, Lanes, MAX_LANES, Part, Simd};
 
 use crate::Hit;
-use crate::bundle::Trial;
 use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::cone::Cone;
 use crate::each::{AnyHit, NearestHit, OfRay};
 use crate::shapes::Shapes;
+use crate::trial::Trial;
 
 /// How many spheres are few.
 const FEW: usize = 8;

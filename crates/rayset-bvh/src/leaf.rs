@@ -8,12 +8,13 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::axes::AxisRays;
 use crate::exact::{Exact, PLACE_BITS, record_of};
-use crate::interval::{Chords, Intervals, Sheared, SphereBlock, one_of};
+use crate::interval::{Chords, Intervals, SphereBlock};
 use crate::packet::{Mask, Packet};
 use crate::shaft::{BoxBlock, Shaft};
 use crate::shapes::{Run, Shapes};
 use crate::together::Question;
 use crate::traverse::Aligned;
+use crate::triangles::{Sheared, one_of};
 
 /// What it costs to test a primitive against the rays of a packet, in steps.
 pub(crate) const PACKET_TEST_STEPS: u64 = 2;

@@ -35,6 +35,7 @@ mod frame;
 mod hierarchy;
 mod interval;
 mod leaf;
+mod lists;
 mod node;
 mod own;
 mod packet;
@@ -43,6 +44,8 @@ mod shaft;
 mod shapes;
 mod together;
 mod traverse;
+mod trial;
+mod triangles;
 
 pub use axes::{AXIS_MARGIN, REACH_MARGIN};
 pub use batch::Query;
@@ -51,12 +54,13 @@ pub use bundle::{BundleScratch, Bundled};
 pub use columns::{HitOrNone, Left, RayColumns};
 pub use cone::{CONE_MARGIN, COSINE_MARGIN};
 pub use hierarchy::{Hierarchy, Scratch};
-pub use interval::{SPHERE_MARGIN, VERTEX_MARGIN};
+pub use interval::SPHERE_MARGIN;
 pub use own::{Shape, ShapeHierarchy};
 pub use ray::SLAB_MARGIN;
 pub use shaft::SHAFT_MARGIN;
 pub use shapes::Hit;
 pub use traverse::Steps;
+pub use triangles::VERTEX_MARGIN;
 
 /// The examples of the readme, compiled.
 #[cfg(doctest)]

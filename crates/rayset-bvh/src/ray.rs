@@ -5,9 +5,13 @@ use rayset_geometry::{Ray, Span};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::columns::RayColumns;
-use crate::frame::{Frame, round_down, round_up};
+use crate::frame::{Frame, round_up};
 use crate::interval::SpanLanes;
 use crate::packet::narrow;
+
+mod one;
+
+pub(crate) use one::CullRay;
 
 /// How far planes of boxes are moved outwards, in units of the rounding of a coordinate: of a ray in culling space.
 ///
@@ -428,108 +432,6 @@ impl<const W: usize> Copies<W> {
             spans: (&self.spans.0, &self.spans.1),
             left: &[],
         }
-    }
-}
-
-/// One of prepared rays. What is asked of it is read where it stands: few rays ask for everything.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct CullRay<'a, const W: usize> {
-    rays: &'a CullRays<W>,
-    lane: usize,
-    /// The axes of the shear: those across, and the one along.
-    pub(crate) axes: [usize; 3],
-}
-
-impl<const W: usize> CullRay<'_, W> {
-    #[inline(always)]
-    fn of(self, columns: &[[f32; W]; 3]) -> [f32; 3] {
-        let lane = self.lane % W;
-        [columns[0][lane], columns[1][lane], columns[2][lane]]
-    }
-
-    /// One over the direction.
-    #[inline(always)]
-    pub(crate) fn inverse(self) -> [f32; 3] {
-        self.of(&self.rays.inverse)
-    }
-
-    /// What is added to a near plane's distance, and a far plane's.
-    #[inline(always)]
-    pub(crate) fn offsets(self) -> [[f32; 3]; 2] {
-        [self.of(&self.rays.near_offset), self.of(&self.rays.far_offset)]
-    }
-
-    /// Which of a node's six planes are near, and far.
-    #[inline(always)]
-    pub(crate) fn planes(self) -> [[usize; 3]; 2] {
-        let turned = self.rays.turned.map(|lanes| (lanes >> self.lane & 1) as usize);
-        let near = [3 * turned[0], 1 + 3 * turned[1], 2 + 3 * turned[2]];
-        [near, [3 - 3 * turned[0], 4 - 3 * turned[1], 5 - 3 * turned[2]]]
-    }
-
-    /// The origin in culling space, moved along the ray if it was far off.
-    #[inline(always)]
-    pub(crate) fn origin(self) -> [f32; 3] {
-        self.of(&self.rays.origin)
-    }
-
-    #[inline(always)]
-    pub(crate) fn direction(self) -> [f32; 3] {
-        self.of(&self.rays.direction)
-    }
-
-    /// The shear's factors, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`.
-    #[inline(always)]
-    pub(crate) fn factors(self) -> [f32; 3] {
-        self.of(&self.rays.factors)
-    }
-
-    /// The origin, sheared.
-    #[inline(always)]
-    pub(crate) fn sheared(self) -> [f32; 3] {
-        self.of(&self.rays.sheared)
-    }
-
-    /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
-    #[inline(always)]
-    pub(crate) fn unit(self) -> f32 {
-        self.rays.unit[self.lane % W]
-    }
-
-    /// Where the span starts, or less.
-    #[inline(always)]
-    pub(crate) fn start(self) -> f32 {
-        self.rays.start[self.lane % W]
-    }
-
-    /// Where the span starts, or more.
-    #[inline(always)]
-    pub(crate) fn start_above(self) -> f32 {
-        self.rays.start_above[self.lane % W]
-    }
-
-    /// Where the span ends, or less.
-    #[inline(always)]
-    pub(crate) fn end_below(self) -> f32 {
-        self.rays.end_below[self.lane % W]
-    }
-
-    /// Where the span ends, or more.
-    #[inline(always)]
-    pub(crate) fn end_above(self) -> f32 {
-        self.rays.end_above[self.lane % W]
-    }
-
-    /// A distance in culling space that is not below `t` in world units.
-    #[inline(always)]
-    pub(crate) fn end(self, t: f64) -> f32 {
-        self.rays.end(self.lane % W, t)
-    }
-
-    /// A distance in culling space that is not above `t` in world units.
-    #[inline(always)]
-    pub(crate) fn below(self, t: f64) -> f32 {
-        round_down(t * self.rays.scale - self.rays.advance[self.lane % W])
     }
 }
 

@@ -12,9 +12,9 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::descent::Pending;
 use crate::frame::CullBox;
-use crate::interval::Rounding;
 use crate::node::{Child, Node, Tree};
 use crate::packet::Packet;
+use crate::triangles::Rounding;
 
 /// How much of a direction must go along the common axis.
 const LEAST_ALONG: f32 = 0.2;

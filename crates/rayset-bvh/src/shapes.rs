@@ -9,9 +9,10 @@ use crate::axes::AxisBlock;
 use crate::columns::RayOf;
 use crate::exact::{Sure, record_of};
 use crate::fans::FanBlock;
-use crate::interval::{Intervals, SphereBlock, TriangleBlock};
+use crate::interval::{Intervals, SphereBlock};
 use crate::ray::CullRay;
 use crate::shaft::BoxBlock;
+use crate::triangles::TriangleBlock;
 
 mod arrange;
 

@@ -224,9 +224,9 @@ mod tests {
     use super::*;
     use crate::columns::RayColumns;
     use crate::frame::Frame;
-    use crate::interval::{Rounding, Sheared, TriangleBlock};
     use crate::packet::{Approach, level};
     use crate::shaft::{BoxBlock, Shaft};
+    use crate::triangles::{Rounding, Sheared, TriangleBlock};
 
     /// How often single precision contradicts the exact test of a triangle, for rays that go mostly across the axis of
     /// their packet.

@@ -12,8 +12,9 @@ use crate::axes::AxisBlock;
 use crate::build::Reference;
 use crate::fans::{FanBlock, fan_len};
 use crate::frame::Frame;
-use crate::interval::{SphereBlock, TriangleBlock};
+use crate::interval::SphereBlock;
 use crate::shaft::BoxBlock;
+use crate::triangles::TriangleBlock;
 
 impl<const W: usize> Shapes<W> {
     /// Puts primitives in the order of leaves; returns for each leaf its first run.
