@@ -67,6 +67,8 @@ pub struct Bundled {
     pub blockers: u64,
     /// One by one.
     pub alone: u64,
+    /// Of these, rays that ask for any hit and had it at once, in the sphere whose inside they leave into.
+    pub at_once: u64,
 }
 
 impl Class {
@@ -288,8 +290,10 @@ impl<const W: usize> Wide<W> {
             let place = (first, len);
             first += len;
             let met = self.own_hits(simd, rays, place, list, scratch);
-            if L::ANY && met == Some(len) {
+            let at_once = if L::ANY { met.unwrap_or(0) } else { 0 };
+            if at_once == len {
                 scratch.bundled.alone += len as u64;
+                scratch.bundled.at_once += len as u64;
                 continue;
             }
             let is_known = met.is_some();
@@ -301,6 +305,7 @@ impl<const W: usize> Wide<W> {
                 self.packets(simd, frame, rays, place, is_known, class, list, scratch);
             } else {
                 known.packets.pass(packets);
+                scratch.bundled.at_once += at_once as u64;
                 let range = place.0..place.0 + len;
                 self.alone(simd, frame, rays, range, is_known, class, list, scratch);
             }

@@ -107,6 +107,8 @@ fn check_stages(primitives: &[(Primitive, Sides)], list: &List) -> Bundled {
         stages.packets += bundled.packets;
         stages.blockers += bundled.blockers;
         stages.alone += bundled.alone;
+        stages.at_once += bundled.at_once;
+        assert!(bundled.at_once <= bundled.alone, "those are of these");
         for (i, expected) in expected.iter().enumerate() {
             let bits = |hit: &Option<Hit>| hit.map(|hit| (hit.t.to_bits(), hit.primitive));
             assert_eq!(
@@ -432,6 +434,7 @@ fn rays_inside_spheres_meet_them_again_or_what_lies_before() {
             let origin = sphere.center() + sphere.radius() * outwards;
             list.push(&Ray::new(origin, direction), Span { start: 1e-9, end }, Some((number, side)));
         }
-        check(&primitives, &list);
+        let Bundled { at_once, .. } = check_stages(&primitives, &list);
+        assert_eq!(at_once > 500, sides != Sides::Front, "{sides:?}: {at_once} of 3000 meet their own sphere");
     }
 }

@@ -96,10 +96,9 @@ impl Choice {
         is_bundled
     }
 
-    /// Takes in how the rays of a generation fared in bundles.
-    fn end(&mut self, before: StageCounts, after: StageCounts) {
-        let together = after.together() - before.together();
-        let alone = after.alone - before.alone;
+    /// Takes in how the rays of a generation fared in bundles, by [`BundleTracer::fared`] before and after.
+    fn end(&mut self, before: (u64, u64), after: (u64, u64)) {
+        let (together, alone) = (after.0 - before.0, after.1 - before.1);
         if WORTH * together >= together + alone {
             self.next_wait = 0;
         } else {
@@ -117,15 +116,6 @@ struct AutoTracer<'s> {
     /// Rays that were not given to bundles.
     alone: ByKind<StageCounts>,
     stats: Stats,
-}
-
-/// Rays answered by each stage, of all kinds.
-fn stages(stats: &Stats) -> StageCounts {
-    let mut sum = StageCounts::default();
-    for (_, &counts) in stats.stages.iter() {
-        sum += counts;
-    }
-    sum
 }
 
 impl AutoTracer<'_> {
@@ -180,9 +170,9 @@ impl Tracer for AutoTracer<'_> {
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
         let (is_bundled, choice) = self.choose(generation, 0);
         if is_bundled {
-            let before = stages(self.bundle.stats());
+            let before = self.bundle.fared();
             self.bundle.nearest_bundle(generation, answers);
-            self.choices[choice].end(before, stages(self.bundle.stats()));
+            self.choices[choice].end(before, self.bundle.fared());
         } else {
             self.single.nearest_bundle(generation, answers);
             self.count_alone(generation, None);
@@ -193,9 +183,9 @@ impl Tracer for AutoTracer<'_> {
     fn occluded_bundle(&mut self, generation: &ShadowGeneration, answers: &mut Answers<bool>) {
         let (is_bundled, choice) = self.choose(generation.rays(), 1);
         if is_bundled {
-            let before = stages(self.bundle.stats());
+            let before = self.bundle.fared();
             self.bundle.occluded_bundle(generation, answers);
-            self.choices[choice].end(before, stages(self.bundle.stats()));
+            self.choices[choice].end(before, self.bundle.fared());
         } else {
             self.single.occluded_bundle(generation, answers);
             self.count_alone(generation.rays(), Some(RayKind::Shadow));
@@ -211,21 +201,19 @@ mod tests {
     #[test]
     fn bundles_that_are_not_worth_it_are_tried_less_and_less() {
         let mut choice = Choice::default();
-        let alone = StageCounts { alone: 100, ..StageCounts::default() };
         let mut tried = Vec::new();
         for generation in 0..60 {
             if choice.is_bundled() {
                 tried.push(generation);
-                choice.end(StageCounts::default(), alone);
+                choice.end((0, 0), (0, 100));
             }
         }
         assert_eq!(tried, [0, 2, 5, 10, 19, 28, 37, 46, 55]);
         // Once they are worth it, every generation is traced in bundles.
-        let together = StageCounts { tiles: 90, alone: 10, ..StageCounts::default() };
         choice = Choice { wait: 0, next_wait: 8 };
         for _ in 0..10 {
             assert!(choice.is_bundled());
-            choice.end(StageCounts::default(), together);
+            choice.end((0, 0), (90, 10));
         }
     }
 }

@@ -85,6 +85,8 @@ pub(super) struct BundleTracer<'s> {
     hits: Vec<HitOrNone>,
     recording: Recording,
     stats: Stats,
+    /// Rays that count as answered alone and had their answer at once: see [`Bundled::at_once`].
+    at_once: u64,
 }
 
 /// The classes of rays that ask for the nearest hit; as many ask whether there is any.
@@ -93,13 +95,22 @@ const CLASSES: usize = 32;
 impl<'s> BundleTracer<'s> {
     pub(super) fn new(hierarchy: &'s Hierarchy, objects: &'s [ObjectId], recording: Recording) -> Self {
         let (scratch, left, hits) = (hierarchy.bundle_scratch(), LeftColumn::default(), Vec::new());
-        Self { hierarchy, objects, scratch, left, hits, recording, stats: Stats::default() }
+        Self { hierarchy, objects, scratch, left, hits, recording, stats: Stats::default(), at_once: 0 }
+    }
+
+    /// How many rays were answered together so far, and how many by themselves that had to look for their answer.
+    pub(super) fn fared(&self) -> (u64, u64) {
+        let stages = self.stats.stages.iter().map(|(_, stages)| stages);
+        let (together, alone) = stages
+            .fold((0, 0), |(together, alone), stages| (together + stages.together(), alone + stages.alone));
+        (together, alone - self.at_once)
     }
 
     /// Takes over what the hierarchy has counted; returns what is new.
     fn count(&mut self, kind: RayKind) -> Work {
         let before = self.stats.work;
-        let Bundled { tiles, packets, blockers, alone } = std::mem::take(&mut self.scratch.bundled);
+        let Bundled { tiles, packets, blockers, alone, at_once } = std::mem::take(&mut self.scratch.bundled);
+        self.at_once += at_once;
         self.stats.stages[kind] += StageCounts { tiles, packets, blockers, alone };
         self.stats.work.boxes_tested = self.scratch.single.steps.nodes * self.hierarchy.lanes() as u64;
         self.stats.work.primitive_tests = self.scratch.single.primitive_tests;
