@@ -435,6 +435,10 @@ fn rays_inside_spheres_meet_them_again_or_what_lies_before() {
             list.push(&Ray::new(origin, direction), Span { start: 1e-9, end }, Some((number, side)));
         }
         let Bundled { at_once, .. } = check_stages(&primitives, &list);
-        assert_eq!(at_once > 500, sides != Sides::Front, "{sides:?}: {at_once} of 3000 meet their own sphere");
+        assert_eq!(
+            at_once > 500,
+            sides != Sides::Front,
+            "{sides:?}: {at_once} of 3000 meet their own sphere"
+        );
     }
 }
