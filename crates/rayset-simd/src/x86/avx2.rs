@@ -102,23 +102,27 @@ register_lanes! {
     compress: |mask, a| _mm256_permutevar8x32_ps(a, front(Avx2M32(mask))),
 }
 
-/// For each mask of eight lanes, the permutation that moves its set lanes to the front.
-static FRONT: [[u32; 8]; 256] = {
-    let mut table = [[0; 8]; 256];
+/// For each mask over lanes of so many parts of 32 bits, the permutation of parts that moves its set lanes to the front.
+const fn fronts<const MASKS: usize>(parts: u32) -> [[u32; 8]; MASKS] {
+    let mut table = [[0; 8]; MASKS];
     let mut mask = 0;
-    while mask < 256 {
-        let (mut lane, mut front) = (0_u32, 0);
-        while lane < 8 {
-            if mask >> lane & 1 == 1 {
-                table[mask][front] = lane;
+    while mask < MASKS {
+        let (mut part, mut front) = (0_u32, 0);
+        while part < 8 {
+            if mask >> (part / parts) & 1 == 1 {
+                table[mask][front] = part;
                 front += 1;
             }
-            lane += 1;
+            part += 1;
         }
         mask += 1;
     }
     table
-};
+}
+
+/// Those of eight lanes, and of four of twice the width.
+static FRONT: [[u32; 8]; 256] = fronts(1);
+static FRONT_PAIRS: [[u32; 8]; 16] = fronts(2);
 
 /// Where the set lanes of a mask come from when they are moved to the front.
 #[inline(always)]
@@ -127,25 +131,6 @@ fn front(mask: Avx2M32) -> __m256i {
     // SAFETY: see `register_lanes`; the array holds a register.
     unsafe { _mm256_loadu_si256(lanes.as_ptr().cast()) }
 }
-
-/// The same for masks of four lanes of twice the width.
-static FRONT_PAIRS: [[u32; 8]; 16] = {
-    let mut table = [[0; 8]; 16];
-    let mut mask = 0;
-    while mask < 16 {
-        let (mut lane, mut front) = (0_u32, 0);
-        while lane < 4 {
-            if mask >> lane & 1 == 1 {
-                table[mask][front] = 2 * lane;
-                table[mask][front + 1] = 2 * lane + 1;
-                front += 2;
-            }
-            lane += 1;
-        }
-        mask += 1;
-    }
-    table
-};
 
 /// Where the halves of the set lanes of a mask come from when they are moved to the front.
 #[inline(always)]
