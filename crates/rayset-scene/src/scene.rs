@@ -269,8 +269,8 @@ impl Scene {
         SurfacePoint { normal, shading_normal }
     }
 
-    /// The normal of a curved primitive at a point of it, not yet scaled; `None` of what is flat, or shaded as if it were
-    /// not: see [`PrimitiveColumns::outward_at`].
+    /// The normal of a curved primitive at a point of it, not yet scaled; `None` of what is flat, however it is shaded: see
+    /// [`PrimitiveColumns::outward_at`].
     ///
     /// # Panics
     ///
