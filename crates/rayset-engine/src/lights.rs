@@ -2,7 +2,7 @@
 
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::unit_lanes;
-use rayset_scene::{Illumination, Light};
+use rayset_scene::Light;
 use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::LightState;
@@ -43,10 +43,10 @@ impl Seen {
                 unit_lanes(simd, [to[0] - point[0], to[1] - point[1], to[2] - point[2]])
             }
             None => {
-                let Some(Illumination { direction, distance }) = light.seen_from(DVec3::ZERO) else {
-                    return 0;
-                };
-                (splat3(simd, direction), simd.splat_f64(distance))
+                // Seen alike from everywhere.
+                let seen = light.seen_from(DVec3::ZERO);
+                let direction = seen.map_or(DVec3::ZERO, |seen| seen.direction);
+                (splat3(simd, direction), simd.splat_f64(f64::INFINITY))
             }
         };
         // Light reaches a surface from the side of both normals, or not at all.
