@@ -1,19 +1,15 @@
 //! The primitives of a hierarchy, in the order of its leaves.
 
-use rayset_geometry::{
-    ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Probe, Side, Sides, Sphere, Triangle,
-};
-use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
+use rayset_geometry::{ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Side, Sides, Sphere, Triangle};
 
+pub(crate) use self::alone::{Anything, Content, Found, Nearest, OnlySpheres, OnlyTriangles, Traced};
 use crate::axes::AxisBlock;
-use crate::columns::RayOf;
-use crate::exact::{Sure, record_of};
 use crate::fans::FanBlock;
-use crate::interval::{Intervals, SphereBlock};
-use crate::ray::CullRay;
+use crate::interval::SphereBlock;
 use crate::shaft::BoxBlock;
 use crate::triangles::TriangleBlock;
 
+mod alone;
 mod arrange;
 
 /// What is hit.
@@ -31,42 +27,6 @@ impl Hit {
     pub(crate) fn precedes(&self, other: &Self) -> bool {
         self.t < other.t || (self.t.total_cmp(&other.t).is_eq() && self.primitive < other.primitive)
     }
-}
-
-/// What kinds of primitives there are, known when a traversal is compiled: what is not there is not prepared for.
-///
-/// A type parameter: a loop over leaves of any kind would have the constants of all tests computed in front of it, for
-/// every ray.
-pub(crate) trait Content {
-    const SPHERES: bool;
-    const TRIANGLES: bool;
-    /// Polygons and cones.
-    const OTHERS: bool;
-}
-
-/// Spheres alone.
-pub(crate) struct OnlySpheres;
-/// Triangles alone.
-pub(crate) struct OnlyTriangles;
-/// Anything.
-pub(crate) struct Anything;
-
-impl Content for OnlySpheres {
-    const SPHERES: bool = true;
-    const TRIANGLES: bool = false;
-    const OTHERS: bool = false;
-}
-
-impl Content for OnlyTriangles {
-    const SPHERES: bool = false;
-    const TRIANGLES: bool = true;
-    const OTHERS: bool = false;
-}
-
-impl Content for Anything {
-    const SPHERES: bool = true;
-    const TRIANGLES: bool = true;
-    const OTHERS: bool = true;
 }
 
 /// Of what is tested by its `f64` test alone.
@@ -140,56 +100,6 @@ impl Place {
     }
 }
 
-/// A ray on its way.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Traced<'a, const W: usize> {
-    pub(crate) cull: CullRay<'a, W>,
-    /// What the exact tests are made of, where a leaf asks for them.
-    pub(crate) ray: RayOf<'a>,
-    pub(crate) departure: Option<Departure>,
-}
-
-impl<const W: usize> Traced<'_, W> {
-    /// What the tests of columns are made of; `is_flat` says whether there may be polygons.
-    #[inline(always)]
-    fn probe<S: Simd>(&self, simd: S, is_flat: bool) -> Probe<S> {
-        let (ray, span) = self.ray.read();
-        Probe::new(simd, &ray, span, is_flat)
-    }
-}
-
-/// The nearest hit so far.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Nearest {
-    /// There is none before this.
-    pub(crate) low: f32,
-    pub(crate) found: Found,
-}
-
-/// What is hit: surely, but not known where, or exactly.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Found {
-    Nothing,
-    Sure(Sure),
-    At(Hit),
-}
-
-impl Nearest {
-    pub(crate) const NONE: Self = Self { low: f32::INFINITY, found: Found::Nothing };
-
-    /// What is known of a ray that meets nothing else.
-    #[inline(always)]
-    pub(crate) fn known(hit: Option<Hit>) -> Self {
-        hit.map_or(Self::NONE, |hit| Self { found: Found::At(hit), ..Self::NONE })
-    }
-
-    /// An exact hit.
-    #[inline(always)]
-    pub(crate) fn at<const W: usize>(cull: CullRay<'_, W>, hit: Hit) -> Self {
-        Self { low: cull.below(hit.t), found: Found::At(hit) }
-    }
-}
-
 impl<const W: usize> Shapes<W> {
     /// Whether there is nothing but spheres, or nothing but triangles.
     #[inline(always)]
@@ -201,66 +111,6 @@ impl<const W: usize> Shapes<W> {
     #[inline(always)]
     pub(crate) fn is_flat(&self) -> bool {
         self.is_flat
-    }
-
-    /// The lanes of a run whose front, and whose back, may be hit.
-    #[inline(always)]
-    fn allowed(run: &Run, departure: Option<Departure>) -> (u32, u32) {
-        let all = u32::MAX >> (32 - W);
-        let mut front = if run.sides == Sides::Back { 0 } else { all };
-        let mut back = if run.sides == Sides::Front { 0 } else { all };
-        if let Some(departure) = departure
-            && departure.kind == run.kind
-            && departure.index.wrapping_sub(run.first) < u32::from(run.len)
-        {
-            let left = 1 << (departure.index - run.first);
-            front &= !left;
-            if departure.side == Side::Front || run.kind == PrimitiveKind::Triangle {
-                back &= !left;
-            }
-        }
-        (front, back)
-    }
-
-    /// The exact distance to a sphere or triangle.
-    #[inline(always)]
-    fn exact<C: Content>(
-        &self,
-        ray: &Traced<'_, W>,
-        kind: PrimitiveKind,
-        index: u32,
-        sides: Sides,
-    ) -> Option<f64> {
-        let departure = match ray.departure {
-            Some(departure) if departure.kind == kind && departure.index == index => Some(departure.side),
-            _ => None,
-        };
-        let is_sphere = !C::TRIANGLES || (C::SPHERES && kind == PrimitiveKind::Sphere);
-        if is_sphere {
-            let (ray, span) = ray.ray.read();
-            self.spheres[index as usize].intersect(&ray, span, sides, departure)
-        } else {
-            self.triangles[index as usize].intersect(&ray.probe(Scalar, true), sides, departure)
-        }
-    }
-
-    #[inline(always)]
-    fn intervals<S: Simd, C: Content>(
-        &self,
-        simd: S,
-        i: usize,
-        ray: &Traced<'_, W>,
-        end: f32,
-    ) -> Intervals<S> {
-        let run = &self.runs[i];
-        let (front, back) = Self::allowed(run, ray.departure);
-        // Where there is nothing else, every run has its block, in the same order: no number to wait for.
-        let block = if C::SPHERES && C::TRIANGLES { run.block as usize } else { i };
-        if !C::TRIANGLES || (C::SPHERES && run.kind == PrimitiveKind::Sphere) {
-            self.sphere_blocks[block].intervals(simd, ray.cull, end, front, back)
-        } else {
-            self.triangle_blocks[block].intervals(simd, ray.cull, end, front, back)
-        }
     }
 
     /// All runs.
@@ -339,246 +189,6 @@ impl<const W: usize> Shapes<W> {
     #[inline(always)]
     pub(crate) fn box_block(&self, run: &Run) -> &BoxBlock<W> {
         &self.box_blocks[run.boxes as usize]
-    }
-
-    /// The hit that was known by an interval only.
-    #[inline(always)]
-    pub(crate) fn resolve<C: Content>(&self, ray: &Traced<'_, W>, nearest: Nearest) -> Option<Hit> {
-        match nearest.found {
-            Found::Nothing => None,
-            Found::At(hit) => Some(hit),
-            Found::Sure(Sure { kind, index, sides }) => {
-                let t = self.exact::<C>(ray, kind, index, sides);
-                debug_assert!(t.is_some(), "a sure hit is one");
-                let primitive = self.numbers[kind as usize][index as usize];
-                t.map(|t| Hit { t, primitive })
-            }
-        }
-    }
-
-    /// Keeps the nearest of a hit and those in a leaf; `end` is where the span ends for what is still to be found.
-    #[inline(always)]
-    pub(crate) fn nearest<S: Simd, C: Content>(
-        &self,
-        simd: S,
-        first_run: usize,
-        ray: &Traced<'_, W>,
-        nearest: &mut Nearest,
-        end: &mut f32,
-        tests: &mut u64,
-    ) {
-        let mut i = first_run;
-        loop {
-            let run = &self.runs[i];
-            *tests += u64::from(run.len);
-            match run.kind {
-                _ if !C::OTHERS => self.nearest_in_block::<S, C>(simd, i, ray, nearest, end),
-                PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
-                    self.nearest_in_block::<S, C>(simd, i, ray, nearest, end);
-                }
-                PrimitiveKind::Polygon if run.block != NO_BLOCK => {
-                    self.nearest_in_fans::<S, C>(simd, run, ray, nearest, end);
-                }
-                PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(part) = self.part(simd, run, ray, *end)
-                        && let Some(hit) =
-                            self.columns.nearest(&ray.probe(simd, self.is_flat), &part, ray.departure)
-                    {
-                        let primitive = self.numbers[run.kind as usize][hit.index as usize];
-                        self.offer::<C>(ray, nearest, end, Hit { t: hit.t, primitive });
-                    }
-                }
-            }
-            if !run.goes_on {
-                return;
-            }
-            i += 1;
-        }
-    }
-
-    #[inline(always)]
-    fn nearest_in_block<S: Simd, C: Content>(
-        &self,
-        simd: S,
-        i: usize,
-        ray: &Traced<'_, W>,
-        nearest: &mut Nearest,
-        end: &mut f32,
-    ) {
-        let run = &self.runs[i];
-        let found = self.intervals::<S, C>(simd, i, ray, *end);
-        let mut bits = found.possible.bits();
-        if bits == 0 {
-            return;
-        }
-        let sure = found.sure.bits();
-        let (mut lows, mut highs) = ([0.0; W], [0.0; W]);
-        found.low.store(&mut lows);
-        found.high.store(&mut highs);
-        while bits != 0 {
-            let lane = bits.trailing_zeros();
-            bits &= bits - 1;
-            let (low, high) = (lows[lane as usize], highs[lane as usize]);
-            if low > *end {
-                continue;
-            }
-            let index = run.first + lane;
-            if sure >> lane & 1 == 1 && high < nearest.low {
-                if !C::SPHERES {
-                    // It will be asked where, exactly, when all rays of the lanes have come to an end.
-                    simd.fetch(&self.triangles[index as usize]);
-                }
-                let sure = Sure { kind: run.kind, index, sides: run.sides };
-                *nearest = Nearest { low, found: Found::Sure(sure) };
-                *end = high;
-            } else if let Some(t) = self.exact::<C>(ray, run.kind, index, run.sides) {
-                let primitive = self.numbers[run.kind as usize][index as usize];
-                self.offer::<C>(ray, nearest, end, Hit { t, primitive });
-            }
-        }
-    }
-
-    /// Keeps the nearer of an exact hit and the nearest so far.
-    #[inline(always)]
-    fn offer<C: Content>(&self, ray: &Traced<'_, W>, nearest: &mut Nearest, end: &mut f32, hit: Hit) {
-        let hit = match self.resolve::<C>(ray, *nearest) {
-            Some(best) if !hit.precedes(&best) => best,
-            _ => hit,
-        };
-        *nearest = Nearest::at(ray.cull, hit);
-        *end = ray.cull.end(hit.t);
-    }
-
-    /// Whether anything in a leaf is hit.
-    #[inline(always)]
-    pub(crate) fn any<S: Simd, C: Content>(
-        &self,
-        simd: S,
-        first_run: usize,
-        ray: &Traced<'_, W>,
-        end: f32,
-        tests: &mut u64,
-        blocker: &mut Option<u32>,
-    ) -> bool {
-        let mut i = first_run;
-        loop {
-            let run = &self.runs[i];
-            *tests += u64::from(run.len);
-            let is_hit = match run.kind {
-                _ if !C::OTHERS => self.any_in_block::<S, C>(simd, i, ray, end, blocker),
-                PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
-                    self.any_in_block::<S, C>(simd, i, ray, end, blocker)
-                }
-                PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(simd, run, ray, end),
-                PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(part) = self.part(simd, run, ray, end) {
-                        self.columns.any(&ray.probe(simd, self.is_flat), &part, ray.departure).is_some()
-                    } else {
-                        false
-                    }
-                }
-            };
-            if is_hit || !run.goes_on {
-                return is_hit;
-            }
-            i += 1;
-        }
-    }
-
-    #[inline(always)]
-    fn any_in_block<S: Simd, C: Content>(
-        &self,
-        simd: S,
-        i: usize,
-        ray: &Traced<'_, W>,
-        end: f32,
-        blocker: &mut Option<u32>,
-    ) -> bool {
-        let run = &self.runs[i];
-        let found = self.intervals::<S, C>(simd, i, ray, end);
-        if found.sure.any() {
-            *blocker = Some(record_of(i, found.sure.bits().trailing_zeros()));
-            return true;
-        }
-        let mut bits = found.possible.bits();
-        while bits != 0 {
-            let lane = bits.trailing_zeros();
-            bits &= bits - 1;
-            if self.exact::<C>(ray, run.kind, run.first + lane, run.sides).is_some() {
-                *blocker = Some(record_of(i, lane));
-                return true;
-            }
-        }
-        false
-    }
-
-    /// What of a run of cones, or of polygons without a block, the `f64` test must look at.
-    #[inline(always)]
-    fn part<S: Simd>(&self, simd: S, run: &Run, ray: &Traced<'_, W>, end: f32) -> Option<ColumnRun> {
-        if run.block == NO_BLOCK {
-            return Some(run.columns());
-        }
-        let (front, back) = Self::allowed(run, ray.departure);
-        let block = &self.axis_blocks[run.block as usize];
-        let candidates = block.candidates(simd, ray.cull, end) & (front | back);
-        if candidates == 0 {
-            return None;
-        }
-        let (first, last) = (candidates.trailing_zeros(), u32::BITS - 1 - candidates.leading_zeros());
-        let range = run.first + first..run.first + last + 1;
-        Some(ColumnRun { kind: run.kind, sides: run.sides, range })
-    }
-
-    #[inline(always)]
-    fn nearest_in_fans<S: Simd, C: Content>(
-        &self,
-        simd: S,
-        run: &Run,
-        ray: &Traced<'_, W>,
-        nearest: &mut Nearest,
-        end: &mut f32,
-    ) {
-        if run.is_left_by(ray.departure) {
-            return;
-        }
-        let block = &self.fan_blocks[run.block as usize];
-        let Some(mut fans) = block.test(simd, ray.cull) else { return };
-        while let Some(polygon) = block.next(&mut fans) {
-            if polygon.low > *end || polygon.high < ray.cull.start() {
-                continue;
-            }
-            let one = run.column(polygon.place);
-            if let Some(hit) = self.columns.nearest(&ray.probe(simd, true), &one, ray.departure) {
-                let primitive = self.numbers[run.kind as usize][hit.index as usize];
-                self.offer::<C>(ray, nearest, end, Hit { t: hit.t, primitive });
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn any_in_fans<S: Simd>(&self, simd: S, run: &Run, ray: &Traced<'_, W>, end: f32) -> bool {
-        if run.is_left_by(ray.departure) {
-            return false;
-        }
-        let block = &self.fan_blocks[run.block as usize];
-        let Some(mut fans) = block.test(simd, ray.cull) else { return false };
-        while let Some(polygon) = block.next(&mut fans) {
-            let one = run.column(polygon.place);
-            // A plane is never met again by a ray that leaves it.
-            let is_left = ray.departure.is_some_and(|d| d.kind == run.kind && d.index == one.range.start);
-            if is_left || polygon.low > end || polygon.high < ray.cull.start() {
-                continue;
-            }
-            let is_met = (polygon.is_front && run.sides != Sides::Back)
-                || (polygon.is_back && run.sides != Sides::Front);
-            if is_met && polygon.low > ray.cull.start_above() && polygon.high < ray.cull.end_below() {
-                return true;
-            }
-            if self.columns.any(&ray.probe(simd, true), &one, ray.departure).is_some() {
-                return true;
-            }
-        }
-        false
     }
 
     /// How many bytes the primitives take.

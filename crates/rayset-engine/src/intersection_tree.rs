@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayset_geometry::Side;
 use rayset_geometry::glam::DVec3;
-use rayset_scene::{MaterialId, Scene};
+use rayset_scene::MaterialId;
 
 use crate::lanes::{ROWS, n_blocks};
 use crate::lights::Seen;
@@ -222,17 +222,6 @@ impl Level {
         self.surfaces.resize(n, Surfaces::default());
         self.lights.resize(n * n_lights, Seen::default());
         self.spawning.resize(n, Spawning::default());
-    }
-
-    /// Finds with what weight the hits send rays; returns how many they do.
-    pub(crate) fn weigh(&mut self, scene: &Scene, cutoff: Option<f64>) -> usize {
-        let mut n_sent = 0;
-        for ((spawning, surfaces), weights) in
-            self.spawning.iter_mut().zip(&self.surfaces).zip(self.weights.chunks(ROWS))
-        {
-            n_sent += spawning.weigh(scene, surfaces, weights, cutoff);
-        }
-        n_sent
     }
 
     /// What rays leave that leave the hit in a row.

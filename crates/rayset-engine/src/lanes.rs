@@ -30,6 +30,12 @@ pub(crate) fn vector([x, y, z]: &Vectors, row: usize) -> DVec3 {
     DVec3::new(x[row], y[row], z[row])
 }
 
+/// Writes the vector of a row of a block.
+#[inline(always)]
+pub(crate) fn put([xs, ys, zs]: &mut Vectors, row: usize, vector: DVec3) {
+    (xs[row], ys[row], zs[row]) = vector.into();
+}
+
 /// The numbers of a column from a row on; after the last, anything.
 #[inline(always)]
 pub(crate) fn tail<S: Simd>(simd: S, values: &[f64], row: usize) -> S::F64 {
@@ -75,12 +81,6 @@ pub(crate) fn store3<S: Simd>([x, y, z]: [S::F64; 3], [xs, ys, zs]: &mut Vectors
     store::<S>(z, zs, row);
 }
 
-/// The dot products of vectors, in the order of operations of `DVec3::dot`.
-#[inline(always)]
-pub(crate) fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// `a` in the lanes of a mask, `b` in the others.
 #[inline(always)]
 pub(crate) fn select<S: Simd>(mask: <S::F64 as Lanes>::Mask, a: [S::F64; 3], b: [S::F64; 3]) -> [S::F64; 3] {
@@ -91,4 +91,37 @@ pub(crate) fn select<S: Simd>(mask: <S::F64 as Lanes>::Mask, a: [S::F64; 3], b: 
 #[inline(always)]
 pub(crate) fn splat3<S: Simd>(simd: S, vector: DVec3) -> [S::F64; 3] {
     [simd.splat_f64(vector.x), simd.splat_f64(vector.y), simd.splat_f64(vector.z)]
+}
+
+/// The lanes of one number after the other, each as bits: mostly all have the same.
+pub(crate) struct Alike<'a> {
+    numbers: &'a [u32],
+    rest: u32,
+}
+
+/// Goes through some lanes of numbers, those of one number after the other.
+#[inline(always)]
+pub(crate) fn alike(numbers: &[u32], lanes: u32) -> Alike<'_> {
+    Alike { numbers, rest: lanes }
+}
+
+impl Iterator for Alike<'_> {
+    type Item = (u32, u32);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<(u32, u32)> {
+        if self.rest == 0 {
+            return None;
+        }
+        let number = *self.numbers.get(self.rest.trailing_zeros() as usize)?;
+        let lanes = lanes_where(self.numbers, |other| other == number);
+        self.rest &= !lanes;
+        Some((number, lanes))
+    }
+}
+
+/// The lanes for whose number something holds, as bits.
+#[inline(always)]
+pub(crate) fn lanes_where(numbers: &[u32], holds: impl Fn(u32) -> bool) -> u32 {
+    numbers.iter().enumerate().fold(0, |bits, (lane, &number)| bits | u32::from(holds(number)) << lane)
 }

@@ -72,11 +72,8 @@ impl Kernel for Children<'_> {
             for is_refracted in [false, true] {
                 let of_block = |block: usize| {
                     let sent: &Spawning = &level.spawning[block];
-                    let (numbers, directions) = match is_refracted {
-                        false => (&sent.reflected_weights, &sent.reflected),
-                        true => (&sent.refracted_weights, &sent.refracted),
-                    };
-                    Leaving { numbers, directions, distances: None }
+                    let directions = if is_refracted { &sent.refracted } else { &sent.reflected };
+                    Leaving { numbers: sent.weights(is_refracted), directions, distances: None }
                 };
                 let end = gather(simd, level, rows.clone(), LEAST_WEIGHT, of_block, rays, parents, n);
                 if end == n {
@@ -96,7 +93,9 @@ impl Kernel for Children<'_> {
     }
 }
 
-fn is_refracted(slot: Slot) -> bool {
+/// Whether rays of a slot, which is not that of initial rays, were refracted.
+#[inline(always)]
+pub(crate) fn is_refracted(slot: Slot) -> bool {
     !slot.0.is_multiple_of(2)
 }
 
@@ -127,10 +126,7 @@ fn gather<'a, S: Simd>(
     for block in rows.start / ROWS..n_blocks(rows.end) {
         let Leaving { numbers, directions, distances } = of_block(block);
         let surfaces = &level.surfaces[block];
-        let first = block * ROWS;
-        // The rows of the block that are among those asked for.
-        let among = u32::MAX << rows.start.saturating_sub(first).min(ROWS)
-            & !(u32::MAX << (rows.end - first).min(ROWS));
+        let (first, among) = (block * ROWS, among(&rows, block));
         for i in 0..ROWS / S::F64::LANES {
             let row = i * S::F64::LANES;
             let mut lanes = load(simd, numbers, row).ge(least).bits() & among >> row;
@@ -156,6 +152,13 @@ fn gather<'a, S: Simd>(
         }
     }
     n
+}
+
+/// The rows of a block that are among some, which end in it or behind it, as bits.
+#[inline(always)]
+pub(crate) fn among(rows: &Range<usize>, block: usize) -> u32 {
+    let first = block * ROWS;
+    u32::MAX << rows.start.saturating_sub(first).min(ROWS) & !(u32::MAX << (rows.end - first).min(ROWS))
 }
 
 #[inline(always)]

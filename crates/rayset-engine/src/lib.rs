@@ -26,6 +26,7 @@ mod layer;
 mod leaving;
 mod lights;
 mod order;
+mod powers;
 mod query;
 mod ray_set;
 mod render;

@@ -1,12 +1,12 @@
 //! How the lights are seen from the hits of a level.
 
 use rayset_geometry::glam::DVec3;
-use rayset_geometry::unit_lanes;
+use rayset_geometry::{dot_lanes, unit_lanes};
 use rayset_scene::Light;
 use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::LightState;
-use crate::lanes::{Numbers, Vectors, dot, splat3, store, store3};
+use crate::lanes::{Numbers, Vectors, splat3, store, store3};
 
 /// How a light is seen from the hits of sixteen rays.
 #[derive(Clone, Copy, Debug, Default)]
@@ -50,8 +50,8 @@ impl Seen {
             }
         };
         // Light reaches a surface from the side of both normals, or not at all.
-        let cosine = dot(shading, direction);
-        let faces = hit & dot(normal, direction).gt(zero) & cosine.gt(zero);
+        let cosine = dot_lanes(shading, direction);
+        let faces = hit & dot_lanes(normal, direction).gt(zero) & cosine.gt(zero);
         store::<S>(cosine.select(faces, zero), &mut self.cosines, row);
         store::<S>(distance, &mut self.distances, row);
         store3::<S>(direction, &mut self.directions, row);

@@ -7,7 +7,7 @@ use rayset_scene::Scene;
 use rayset_simd::{Backend, Kernel, LaneMask, Lanes, Simd};
 
 use crate::intersection_tree::{Level, Run};
-use crate::lanes::{ROWS, load3, place, tail3};
+use crate::lanes::{ROWS, load3, place, tail, tail3};
 use crate::leaving::{Children, LightRays};
 use crate::sampling::EyeRayMaker;
 use crate::{
@@ -198,9 +198,8 @@ impl RaySets {
 
         let backend = *backend;
         let is_last = level.runs.first().is_none_or(|run| run.slot.depth() >= options.max_depth);
-        let n_facing = backend.run(LookRound { scene, level, is_last });
-        if level.is_spawning {
-            let n_sent = level.weigh(scene, options.cutoff);
+        let (n_facing, n_sent) = backend.run(LookRound { scene, level, is_last, cutoff: options.cutoff });
+        if n_sent > 0 {
             backend.run(Children { level, n_sent, next });
         }
 
@@ -230,17 +229,19 @@ struct LookRound<'a> {
     scene: &'a Scene,
     level: &'a mut Level,
     is_last: bool,
+    /// The least weight of a ray that is sent, if there is one.
+    cutoff: Option<f64>,
 }
 
 impl Kernel for LookRound<'_> {
-    /// How many light rays there will be at most.
-    type Output = usize;
+    /// How many light rays there will be at most, and how many rays are sent.
+    type Output = (usize, usize);
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> usize {
-        let Self { scene, level, is_last } = self;
+    fn run<S: Simd>(self, simd: S) -> (usize, usize) {
+        let Self { scene, level, is_last, cutoff } = self;
         level.make_room(scene.lights().len());
-        let Level { rays, answers, surfaces, lights, n_lights, spawning, is_spawning, .. } = level;
+        let Level { rays, weights, answers, surfaces, lights, n_lights, spawning, is_spawning, .. } = level;
         for (block, surfaces) in surfaces.iter_mut().enumerate() {
             let (first, hits) = of_block(&answers.values, block);
             for i in 0..hits.len().div_ceil(S::F64::LANES) {
@@ -257,31 +258,36 @@ impl Kernel for LookRound<'_> {
             *is_spawning |= !is_last && surfaces.sending != 0;
         }
         // In a loop of its own: lanes that are read just after they were written one by one wait for the memory.
-        let mut n_facing = 0;
+        let cutoff = simd.splat_f64(cutoff.unwrap_or(f64::NEG_INFINITY));
+        let (mut n_facing, mut n_sent) = (0, 0);
         for (block, surfaces) in surfaces.iter_mut().enumerate() {
             let (first, hits) = of_block(&answers.values, block);
             let seen = &mut lights[block * *n_lights..][..*n_lights];
             let spawning = &mut spawning[block];
+            spawning.total = 0;
             for i in 0..ROWS / S::F64::LANES {
                 let row = i * S::F64::LANES;
                 let hit = simd.mask_f64(surfaces.hit >> row);
-                if !hit.any() {
+                if hit.any() {
+                    let direction = tail3(simd, rays.directions(), first + row);
+                    let normals = surfaces.turn(simd, row, direction, scene, hits);
+                    let point = load3(simd, &surfaces.points, row);
+                    for (seen, light) in seen.iter_mut().zip(scene.lights()) {
+                        n_facing += seen.look(simd, row, light, point, normals, hit);
+                    }
+                    if *is_spawning {
+                        spawning.aim(simd, row, direction, normals, surfaces);
+                        let weights = tail(simd, weights, first + row);
+                        n_sent += spawning.weigh(simd, row, scene, surfaces, (weights, cutoff));
+                    }
+                } else {
                     let lanes = row..row + S::F64::LANES;
                     seen.iter_mut().for_each(|seen| seen.cosines[lanes.clone()].fill(0.0));
-                    continue;
-                }
-                let direction = tail3(simd, rays.directions(), first + row);
-                let normals = surfaces.turn(simd, row, direction, scene, hits);
-                let point = load3(simd, &surfaces.points, row);
-                for (seen, light) in seen.iter_mut().zip(scene.lights()) {
-                    n_facing += seen.look(simd, row, light, point, normals, hit);
-                }
-                if !is_last {
-                    spawning.aim(simd, row, direction, normals, surfaces);
+                    spawning.send_nothing(lanes);
                 }
             }
         }
-        n_facing
+        (n_facing, n_sent)
     }
 }
 

@@ -1,12 +1,14 @@
 //! Where the hits of a level reflect and refract rays.
 
+use std::ops::Range;
+
 use rayset_geometry::glam::DVec3;
-use rayset_geometry::{Side, unit, unit_lanes};
+use rayset_geometry::{Side, dot_lanes, unit, unit_lanes};
 use rayset_scene::Scene;
 use rayset_simd::{LaneMask, Lanes, Simd};
 
 use crate::Surface;
-use crate::lanes::{Numbers, ROWS, Vectors, dot, load, select, store3, vector};
+use crate::lanes::{Numbers, ROWS, Vectors, alike, load, load3, put, select, store, store3, vector};
 use crate::surfaces::{ONLY_REFLECTS, Surfaces};
 
 /// Where the hits of sixteen rays reflect and refract rays, and with what weight.
@@ -49,7 +51,7 @@ impl Spawning {
         }
         let (aimed, _) = unit_lanes(simd, mirrored_lanes(simd, direction, shading));
         store3::<S>(aimed, &mut self.reflected, row);
-        let leads_in = reflects & !dot(aimed, normal).gt(zero);
+        let leads_in = reflects & !dot_lanes(aimed, normal).gt(zero);
         if leads_in.any() {
             reflect_astray(row, leads_in.bits(), stored::<S>(direction), surfaces, &mut self.reflected);
         }
@@ -64,49 +66,64 @@ impl Spawning {
         let goes_on = index.eq(one);
         let found = select::<S>(goes_on, direction, select::<S>(is_total, [zero; 3], aimed));
         store3::<S>(found, &mut self.refracted, row);
-        let leads_out = refracts & !(goes_on | is_total | dot(aimed, normal).lt(zero));
+        let leads_out = refracts & !(goes_on | is_total | dot_lanes(aimed, normal).lt(zero));
         if leads_out.any() {
             refract_astray(row, leads_out.bits(), stored::<S>(direction), surfaces, &mut self.refracted);
         }
     }
 
-    /// Finds the weights, and notes which hits reflect totally; `weights` are those of the rays that arrive. Returns how many
-    /// rays are sent.
-    pub(crate) fn weigh(
+    /// The weights of what is refracted, or reflected.
+    #[inline(always)]
+    pub(crate) fn weights(&self, is_refracted: bool) -> &Numbers {
+        if is_refracted { &self.refracted_weights } else { &self.reflected_weights }
+    }
+
+    /// Notes that some rows send no rays.
+    #[inline(always)]
+    pub(crate) fn send_nothing(&mut self, rows: Range<usize>) {
+        self.reflected_weights[rows.clone()].fill(NOT_SENT);
+        self.refracted_weights[rows].fill(NOT_SENT);
+    }
+
+    /// Finds the weights of what some rows send, and notes which of them reflect totally; `weights` are those of the rays
+    /// that arrive, and none is sent below `cutoff`. Returns how many rays are sent.
+    #[inline(always)]
+    pub(crate) fn weigh<S: Simd>(
         &mut self,
+        simd: S,
+        row: usize,
         scene: &Scene,
         surfaces: &Surfaces,
-        weights: &[f64],
-        cutoff: Option<f64>,
+        (weights, cutoff): (S::F64, S::F64),
     ) -> usize {
-        self.reflected_weights = [NOT_SENT; ROWS];
-        self.refracted_weights = [NOT_SENT; ROWS];
-        self.total = 0;
-        let mut n_sent = 0;
-        let mut unless_cut_off = |weight: f64| {
-            let is_sent = cutoff.is_none_or(|cutoff| weight >= cutoff);
-            n_sent += usize::from(is_sent);
-            if is_sent { weight } else { NOT_SENT }
-        };
-        let mut sending = surfaces.sending;
-        while sending != 0 {
-            let row = sending.trailing_zeros() as usize % ROWS;
-            sending &= sending - 1;
-            let material = &scene.materials()[surfaces.materials[row] as usize];
-            let mut share = material.reflectance;
-            if surfaces.indices[row] > ONLY_REFLECTS {
-                if vector(&self.refracted, row) == DVec3::ZERO {
-                    self.total |= 1 << row;
-                    share += material.transmittance;
-                } else {
-                    let weight = weights[row] * material.transmittance.max_element();
-                    self.refracted_weights[row] = unless_cut_off(weight);
-                }
+        let not_sent = simd.splat_f64(NOT_SENT);
+        let (mut reflected, mut refracted) = (not_sent, not_sent);
+        let mut total = simd.mask_f64(0);
+        let materials = &surfaces.materials[row..row + S::F64::LANES];
+        let sending = simd.mask_f64(surfaces.sending >> row);
+        if sending.any() {
+            let zero = simd.splat_f64(0.0);
+            let [x, y, z] = load3(simd, &self.refracted, row);
+            let refracts = load(simd, &surfaces.indices, row).gt(simd.splat_f64(ONLY_REFLECTS)) & sending;
+            total = refracts & x.eq(zero) & y.eq(zero) & z.eq(zero);
+            let goes_through = refracts & !total;
+            let unless_cut_off = |weight: S::F64| weight.select(weight.ge(cutoff), not_sent);
+            for (number, lanes) in alike(materials, sending.bits()) {
+                let Some(material) = scene.materials().get(number as usize) else { continue };
+                let lanes = simd.mask_f64(lanes);
+                let [through, back] = [material.transmittance, material.reflectance];
+                let all = simd.splat_f64((back + through).max_element());
+                let share = all.select(total, simd.splat_f64(back.max_element()));
+                reflected = unless_cut_off(weights * share).select(lanes, reflected);
+                let weight = unless_cut_off(weights * simd.splat_f64(through.max_element()));
+                refracted = weight.select(lanes & goes_through, refracted);
             }
-            let weight = weights[row] * share.max_element();
-            self.reflected_weights[row] = unless_cut_off(weight);
         }
-        n_sent
+        store::<S>(reflected, &mut self.reflected_weights, row);
+        store::<S>(refracted, &mut self.refracted_weights, row);
+        self.total |= total.bits() << row;
+        let least = simd.splat_f64(LEAST_WEIGHT);
+        (reflected.ge(least).bits().count_ones() + refracted.ge(least).bits().count_ones()) as usize
     }
 }
 
@@ -138,10 +155,6 @@ fn refract_astray(first: usize, lanes: u32, incoming: Vectors, surfaces: &Surfac
     }
 }
 
-fn put([xs, ys, zs]: &mut Vectors, row: usize, vector: DVec3) {
-    (xs[row], ys[row], zs[row]) = vector.into();
-}
-
 /// `d - 2 (n . d) n`.
 fn mirrored(d: DVec3, n: DVec3) -> DVec3 {
     d - 2.0 * n.dot(d) * n
@@ -150,7 +163,7 @@ fn mirrored(d: DVec3, n: DVec3) -> DVec3 {
 /// As [`mirrored`], a ray a lane.
 #[inline(always)]
 fn mirrored_lanes<S: Simd>(simd: S, d: [S::F64; 3], n: [S::F64; 3]) -> [S::F64; 3] {
-    let along = simd.splat_f64(2.0) * dot(n, d);
+    let along = simd.splat_f64(2.0) * dot_lanes(n, d);
     [d[0] - along * n[0], d[1] - along * n[1], d[2] - along * n[2]]
 }
 
@@ -182,7 +195,7 @@ fn bent_lanes<S: Simd>(
     eta: S::F64,
 ) -> ([S::F64; 3], <S::F64 as Lanes>::Mask) {
     let one = simd.splat_f64(1.0);
-    let cosine = -dot(n, d);
+    let cosine = -dot_lanes(n, d);
     let discriminant = one - eta * eta * (one - cosine * cosine);
     let along = eta * cosine - discriminant.sqrt();
     let bent = [eta * d[0] + along * n[0], eta * d[1] + along * n[1], eta * d[2] + along * n[2]];

@@ -1,11 +1,11 @@
 //! The surfaces at the hits of a level.
 
 use rayset_geometry::glam::DVec3;
-use rayset_geometry::{Outward, Side, unit_lanes};
-use rayset_scene::{MaterialId, Scene, Spawns, SurfacePoint};
+use rayset_geometry::{Outward, Side, dot_lanes, unit_lanes};
+use rayset_scene::{MaterialId, PrimitiveSurface, Scene, Spawns, SurfaceForm, SurfacePoint};
 use rayset_simd::{LaneMask, Lanes, Simd};
 
-use crate::lanes::{Numbers, ROWS, Vectors, dot, load3, select, splat3, store, store3, vector};
+use crate::lanes::{Numbers, ROWS, Vectors, load3, put, select, splat3, store, store3, vector};
 use crate::{DEPARTURE_MARGIN, Hit, Surface};
 
 /// The surfaces at the hits of sixteen rays; where a ray hits nothing, points and normals may be anything.
@@ -29,9 +29,11 @@ pub(crate) struct Surfaces {
     pub(crate) backs: u32,
     /// The rows whose hits send rays, as bits.
     pub(crate) sending: u32,
-    /// The rows whose surfaces are curved, and those of cones among them, as bits.
-    curved: u32,
+    /// The rows whose surfaces are those of spheres, and of cones, as bits.
+    spheres: u32,
     cones: u32,
+    /// The rows whose normals to shade with are others than those of the surface, as bits.
+    smooth: u32,
 }
 
 /// The material where a ray hits nothing.
@@ -53,8 +55,9 @@ impl Default for Surfaces {
             hit: 0,
             backs: 0,
             sending: 0,
-            curved: 0,
+            spheres: 0,
             cones: 0,
+            smooth: 0,
         }
     }
 }
@@ -77,40 +80,51 @@ impl Surfaces {
         store::<S>(start, &mut self.starts, row);
     }
 
-    /// The normals of the fronts, those of curved surfaces before they are scaled, and what the materials do with rays.
+    /// Of what is hit: the normals of fronts, or what those of curved surfaces are found by, and what materials do with rays.
     pub(crate) fn find(&mut self, scene: &Scene, hits: &[Option<Hit>]) {
-        let [mut found, mut sending, mut curved, mut cones] = [0_u32; 4];
+        let [mut found, mut sending, mut spheres, mut others] = [0_u32; 4];
         self.materials = [NOTHING; ROWS];
         self.indices = [SENDS_NOTHING; ROWS];
         for (row, hit) in hits.iter().enumerate().take(ROWS) {
             let Some(hit) = hit else { continue };
-            found |= 1 << row;
-            let point = vector(&self.points, row);
-            if let Some(Outward { away, tilt }) = scene.outward_at(hit.primitive, point) {
-                self.put(row, away, tilt.unwrap_or_default());
-                curved |= 1 << row;
-                cones |= u32::from(tilt.is_some()) << row;
-            } else {
-                let SurfacePoint { normal, shading_normal } = scene.surface_at(hit.primitive, point);
-                self.put(row, normal, shading_normal);
-            }
-            let material = scene.material_id_of(hit.object);
+            let &PrimitiveSurface { vector, material, form } = scene.surface_of(hit.primitive);
+            put(&mut self.normals, row, vector);
             let index = match scene.spawns_of(material) {
                 Spawns::Nothing => SENDS_NOTHING,
                 Spawns::Reflected => ONLY_REFLECTS,
                 Spawns::Both { index } => index,
             };
-            sending |= u32::from(index >= ONLY_REFLECTS) << row;
             (self.materials[row], self.indices[row]) = (material.0, index);
+            found |= 1 << row;
+            sending |= u32::from(index >= ONLY_REFLECTS) << row;
+            spheres |= u32::from(form == SurfaceForm::Sphere) << row;
+            others |= u32::from(matches!(form, SurfaceForm::Smooth | SurfaceForm::Cone)) << row;
         }
-        (self.hit, self.sending, self.curved, self.cones, self.backs) = (found, sending, curved, cones, 0);
+        (self.hit, self.sending, self.backs) = (found, sending, 0);
+        (self.spheres, self.cones, self.smooth) = (spheres, 0, 0);
+        if others != 0 {
+            self.find_others(scene, hits, others);
+        }
     }
 
-    #[inline(always)]
-    fn put(&mut self, row: usize, normal: DVec3, shading: DVec3) {
-        let ([nx, ny, nz], [sx, sy, sz]) = (&mut self.normals, &mut self.shading);
-        (nx[row], ny[row], nz[row]) = normal.into();
-        (sx[row], sy[row], sz[row]) = shading.into();
+    /// The same of cones, and of what is shaded with the normals of its vertices.
+    fn find_others(&mut self, scene: &Scene, hits: &[Option<Hit>], mut rows: u32) {
+        while rows != 0 {
+            let row = rows.trailing_zeros() as usize;
+            rows &= rows - 1;
+            let Some(Some(hit)) = hits.get(row) else { continue };
+            let point = vector(&self.points, row);
+            if let Some(Outward { away, tilt }) = scene.outward_at(hit.primitive, point) {
+                put(&mut self.normals, row, away);
+                put(&mut self.shading, row, tilt.unwrap_or_default());
+                self.cones |= 1 << row;
+            } else {
+                let SurfacePoint { normal, shading_normal } = scene.surface_at(hit.primitive, point);
+                put(&mut self.normals, row, normal);
+                put(&mut self.shading, row, shading_normal);
+                self.smooth |= 1 << row;
+            }
+        }
     }
 
     /// Scales the normals of curved surfaces, and turns all to the sides that the rays came from; returns both kinds.
@@ -124,41 +138,59 @@ impl Surfaces {
         hits: &[Option<Hit>],
     ) -> [[S::F64; 3]; 2] {
         let zero = simd.splat_f64(0.0);
-        if simd.mask_f64(self.curved >> row).any() {
-            self.scale(simd, row, scene, hits);
+        let curved = (self.spheres | self.cones) >> row;
+        let (is_curved, is_smooth) = (simd.mask_f64(curved), simd.mask_f64(self.smooth >> row));
+        let mut normal = load3(simd, &self.normals, row);
+        if is_curved.any() {
+            normal = select::<S>(is_curved, self.scaled(simd, row, normal, scene, hits), normal);
         }
-        let (normal, shading) = (load3(simd, &self.normals, row), load3(simd, &self.shading, row));
-        let back = dot(normal, direction).gt(zero);
-        let (normal, shading) = (turned::<S>(normal, back), turned::<S>(shading, back));
-        // A normal that leans over so far that the ray would come from behind it shades nothing rightly.
-        let shading = select::<S>(dot(shading, direction).gt(zero), normal, shading);
+        let back = dot_lanes(normal, direction).gt(zero);
+        let mut shading = turned::<S>(normal, back);
+        if is_smooth.any() {
+            let smooth = turned::<S>(load3(simd, &self.shading, row), back);
+            // A normal that leans over so far that the ray would come from behind it shades nothing rightly.
+            let is_kept = is_smooth & !dot_lanes(smooth, direction).gt(zero);
+            shading = select::<S>(is_kept, smooth, shading);
+        }
+        let normal = turned::<S>(normal, back);
         store3::<S>(normal, &mut self.normals, row);
         store3::<S>(shading, &mut self.shading, row);
         self.backs |= back.bits() << row;
         [normal, shading]
     }
 
-    /// Scales the normals of curved surfaces.
+    /// The normals of curved surfaces, scaled, by what they are found by; of others, anything.
     #[inline(always)]
-    fn scale<S: Simd>(&mut self, simd: S, row: usize, scene: &Scene, hits: &[Option<Hit>]) {
-        let (is_curved, is_cone) = (simd.mask_f64(self.curved >> row), simd.mask_f64(self.cones >> row));
+    fn scaled<S: Simd>(
+        &mut self,
+        simd: S,
+        row: usize,
+        found: [S::F64; 3],
+        scene: &Scene,
+        hits: &[Option<Hit>],
+    ) -> [S::F64; 3] {
+        let (is_sphere, is_cone) = (simd.mask_f64(self.spheres >> row), simd.mask_f64(self.cones >> row));
         let zero = simd.splat_f64(0.0);
-        let (normal, shading) = (load3(simd, &self.normals, row), load3(simd, &self.shading, row));
         // What is scaled in vain has a length too.
         let upwards = splat3(simd, DVec3::Z);
-        let (mut scaled, _) = unit_lanes(simd, select::<S>(is_curved, normal, upwards));
-        let mut is_lost = !dot(scaled, scaled).gt(zero);
+        let point = load3(simd, &self.points, row);
+        let from_center = [point[0] - found[0], point[1] - found[1], point[2] - found[2]];
+        let away = select::<S>(is_sphere, from_center, select::<S>(is_cone, found, upwards));
+        let (mut scaled, _) = unit_lanes(simd, away);
+        let mut is_lost = !dot_lanes(scaled, scaled).gt(zero);
         if is_cone.any() {
-            let tilted = [scaled[0] - shading[0], scaled[1] - shading[1], scaled[2] - shading[2]];
+            let tilt = load3(simd, &self.shading, row);
+            let tilted = [scaled[0] - tilt[0], scaled[1] - tilt[1], scaled[2] - tilt[2]];
             let (tilted, _) = unit_lanes(simd, select::<S>(is_cone, tilted, upwards));
-            is_lost = is_lost | !dot(tilted, tilted).gt(zero);
+            is_lost = is_lost | !dot_lanes(tilted, tilted).gt(zero);
             scaled = select::<S>(is_cone, tilted, scaled);
         }
-        store3::<S>(select::<S>(is_curved, scaled, normal), &mut self.normals, row);
-        store3::<S>(select::<S>(is_curved, scaled, shading), &mut self.shading, row);
         if is_lost.any() {
+            store3::<S>(scaled, &mut self.normals, row);
             self.find_lost(row, is_lost.bits(), scene, hits);
+            scaled = load3(simd, &self.normals, row);
         }
+        scaled
     }
 
     /// Normals of curved surfaces where none is defined: one by one.
@@ -168,9 +200,7 @@ impl Surfaces {
             let row = first + lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
             let Some(Some(hit)) = hits.get(row) else { continue };
-            let SurfacePoint { normal, shading_normal } =
-                scene.surface_at(hit.primitive, vector(&self.points, row));
-            self.put(row, normal, shading_normal);
+            put(&mut self.normals, row, scene.surface_at(hit.primitive, vector(&self.points, row)).normal);
         }
     }
 

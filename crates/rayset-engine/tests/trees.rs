@@ -243,13 +243,13 @@ fn check(
     color
 }
 
-/// As the engine has it: small whole numbers are multiplied out.
+/// As the engine has it: small whole exponents are multiplied out, others go by the binary logarithm.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and whole")]
 fn power(base: f64, exponent: f64) -> f64 {
-    if exponent.fract() != 0.0 {
-        return libm::pow(base, exponent);
+    if exponent > 1024.0 || exponent.fract() != 0.0 {
+        return exp2(exponent * log2(base));
     }
     let (mut power, mut square) = (1.0, base);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and whole")]
     let exponent = exponent as u32;
     for bit in 0..32 {
         if exponent >> bit & 1 == 1 {
@@ -258,6 +258,30 @@ fn power(base: f64, exponent: f64) -> f64 {
         square *= square;
     }
     power
+}
+
+/// Of a normal number.
+fn log2(x: f64) -> f64 {
+    let (mut fraction, mut whole) = (x, 0.0);
+    while fraction < 0.5_f64.sqrt() {
+        (fraction, whole) = (2.0 * fraction, whole - 1.0);
+    }
+    assert!(fraction < 2.0_f64.sqrt(), "about 1 at most");
+    let z = (fraction - 1.0) / (fraction + 1.0);
+    let term = |k: u32| 2.0 * std::f64::consts::LOG2_E / f64::from(2 * k + 1);
+    whole + z * (0..11).rev().fold(0.0, |sum, k| sum * (z * z) + term(k))
+}
+
+fn exp2(y: f64) -> f64 {
+    if y < -1022.0 {
+        return 0.0;
+    }
+    let whole = y.round_ties_even();
+    let mut terms = [1.0; 14];
+    for n in 1..14_u8 {
+        terms[usize::from(n)] = terms[usize::from(n) - 1] * std::f64::consts::LN_2 / f64::from(n);
+    }
+    terms.iter().rev().fold(0.0, |sum, term| sum * (y - whole) + term) * whole.exp2()
 }
 
 #[test]

@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayset_simd::{Lanes, Simd};
 
 use crate::departure::Allowed;
-use crate::{BoundingBox, BoundingSphere, Probe, RayLanes, enclosing_sphere};
+use crate::{BoundingBox, BoundingSphere, Probe, RayLanes, dot_lanes, enclosing_sphere};
 
 /// How far off the surface a hit may lie, relative to the radius of the bounding sphere: 2^-22 is the square root of
 /// 512 roundings. Near a pointed apex the rounding of the quadratic, at most 225 of them, displaces a hit by a square
@@ -207,16 +207,16 @@ pub(crate) fn intersect_pairs<S: Simd>(
     let [bx, by, bz, ax, ay, az, height, base_radius, slope, across, widest] = parameters;
     let axis = [ax, ay, az];
     let to_base = [bx - o[0], by - o[1], bz - o[2]];
-    let nearest = dot(to_base, d);
+    let nearest = dot_lanes(to_base, d);
     let q = [nearest * d[0] - to_base[0], nearest * d[1] - to_base[1], nearest * d[2] - to_base[2]];
-    let (q_m, d_m) = (dot(q, axis), dot(d, axis));
+    let (q_m, d_m) = (dot_lanes(q, axis), dot_lanes(d, axis));
     let q_p = [q[0] - q_m * ax, q[1] - q_m * ay, q[2] - q_m * az];
     let d_p = [d[0] - d_m * ax, d[1] - d_m * ay, d[2] - d_m * az];
     let radius = base_radius + slope * q_m;
     let narrowing = slope * d_m;
-    let a = dot(d_p, d_p) - narrowing * narrowing;
-    let b = dot(q_p, d_p) - narrowing * radius;
-    let c = dot(q_p, q_p) - radius * radius;
+    let a = dot_lanes(d_p, d_p) - narrowing * narrowing;
+    let b = dot_lanes(q_p, d_p) - narrowing * radius;
+    let c = dot_lanes(q_p, q_p) - radius * radius;
     let discriminant = b * b - a * c;
     let real = discriminant.ge(zero);
     let root = discriminant.sqrt();
@@ -260,13 +260,8 @@ impl<S: Simd> Wall<S> {
         let p = [q[0] + t * d[0], q[1] + t * d[1], q[2] + t * d[2]];
         let local_radius = self.base_radius + self.slope * m;
         let reach = (local_radius + self.across).min(self.widest);
-        m.ge(self.zero) & m.le(self.height) & local_radius.ge(self.zero) & dot(p, p).le(reach * reach)
+        m.ge(self.zero) & m.le(self.height) & local_radius.ge(self.zero) & dot_lanes(p, p).le(reach * reach)
     }
-}
-
-#[inline(always)]
-fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

@@ -53,7 +53,7 @@ pub use side::{Side, Sides};
 pub use span::Span;
 pub use sphere::Sphere;
 pub use triangle::Triangle;
-pub use vectors::unit_lanes;
+pub use vectors::{dot_lanes, unit_lanes};
 
 /// The examples of the readme, compiled.
 #[cfg(doctest)]

@@ -5,13 +5,20 @@ use rayset_simd::{LaneMask, Lanes, MAX_LANES, Part, Simd};
 
 use crate::ray::{UNIT_RANGE, unit};
 
+/// Dot products of vectors, a pair a lane, in the order of operations of [`DVec3::dot`].
+#[must_use]
+#[inline(always)]
+pub fn dot_lanes<L: Lanes>([ax, ay, az]: [L; 3], [bx, by, bz]: [L; 3]) -> L {
+    ax * bx + ay * by + az * bz
+}
+
 /// Vectors scaled to unit length, one a lane, with the bits of [`unit`](crate::unit()), and how long they were; what has
 /// no direction becomes zero.
 #[must_use]
 #[inline(always)]
 pub fn unit_lanes<S: Simd>(simd: S, [x, y, z]: [S::F64; 3]) -> ([S::F64; 3], S::F64) {
     let (least, most) = (simd.splat_f64(UNIT_RANGE.start), simd.splat_f64(UNIT_RANGE.end));
-    let squared = x * x + y * y + z * z;
+    let squared = dot_lanes([x, y, z], [x, y, z]);
     let length = squared.sqrt();
     let scaled = [x / length, y / length, z / length];
     let others = !(squared.ge(least) & squared.lt(most));

@@ -134,7 +134,7 @@ impl SceneBuilder {
             volume_objects: Vec::new(),
             volume_runs: Vec::new(),
             runs: Vec::new(),
-            triangle_normals: Vec::new(),
+            surfaces: Vec::with_capacity(n_parts),
             vertex_normals: Vec::new(),
             vertex_normal_index: Vec::new(),
             patches: PatchNormals::default(),

@@ -5,7 +5,10 @@ use std::cmp::Ordering;
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{BoundingBox, BoundingSphere, ColumnRun, Primitive, PrimitiveKind, enclosing_sphere};
 
-use crate::{MaterialId, Object, ObjectId, Part, PrimitiveId, PrimitiveLocation, Scene, VolumeId};
+use crate::{
+    MaterialId, Object, ObjectId, Part, PrimitiveId, PrimitiveLocation, PrimitiveSurface, Scene, SurfaceForm,
+    VolumeId,
+};
 
 impl Scene {
     /// Appends an object under one volume, or several if it has more primitives than a volume may hold.
@@ -21,6 +24,8 @@ impl Scene {
         let first = id(self.locations.len() + 1);
         let nowhere = PrimitiveLocation { kind: PrimitiveKind::Sphere, index: 0, volume: VolumeId(0) };
         self.locations.resize(self.locations.len() + parts.len(), nowhere);
+        let unknown = PrimitiveSurface { vector: DVec3::ZERO, material, form: SurfaceForm::Cone };
+        self.surfaces.resize(self.locations.len(), unknown);
         let mut all: Vec<usize> = (0..parts.len()).collect();
         let max = max_volume_primitives.map_or(usize::MAX, |max| max as usize);
         let mut only = None;
@@ -56,9 +61,16 @@ impl Scene {
             self.locations[primitive as usize] =
                 PrimitiveLocation { kind: run.kind, index: run.range.start, volume };
             self.ids[run.kind as usize].push(PrimitiveId(primitive));
-            if let Primitive::Triangle(triangle) = &part.primitive {
-                self.triangle_normals.push(triangle.normal());
-            }
+            let is_smooth =
+                part.normals.is_some() || patch_normals.get(i).is_some_and(|normals| !normals.is_empty());
+            let flat = if is_smooth { SurfaceForm::Smooth } else { SurfaceForm::Flat };
+            let surface = &mut self.surfaces[primitive as usize];
+            (surface.vector, surface.form) = match &part.primitive {
+                Primitive::Sphere(sphere) => (sphere.center(), SurfaceForm::Sphere),
+                Primitive::Triangle(triangle) => (triangle.normal(), flat),
+                Primitive::Polygon(polygon) => (polygon.normal(), flat),
+                Primitive::Cone(_) => (DVec3::ZERO, SurfaceForm::Cone),
+            };
             if let Some(normals) = part.normals {
                 self.vertex_normal_index.resize(run.range.start as usize, u32::MAX);
                 self.vertex_normal_index.push(id(self.vertex_normals.len() + 1));

@@ -55,7 +55,7 @@ pub use part::Part;
 pub use patch::Patch;
 pub use rayset_geometry as geometry;
 pub use rayset_geometry::glam;
-pub use scene::{Object, PrimitiveLocation, Scene, SurfacePoint};
+pub use scene::{Object, PrimitiveLocation, PrimitiveSurface, Scene, SurfaceForm, SurfacePoint};
 pub use spheres::{RandomSpheres, SphereSize};
 #[cfg(feature = "toml")]
 pub use toml::{load_toml, read_toml};

@@ -45,6 +45,30 @@ pub struct SurfacePoint {
     pub shading_normal: DVec3,
 }
 
+/// What is asked of a primitive at every hit, packed together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PrimitiveSurface {
+    /// The unit normal of the front of what is flat, the centre of a sphere, nothing of a cone.
+    pub vector: DVec3,
+    /// The material of its object.
+    pub material: MaterialId,
+    /// How its normals are found.
+    pub form: SurfaceForm,
+}
+
+/// How the normals of a primitive are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SurfaceForm {
+    /// Flat: everywhere the same.
+    Flat,
+    /// Flat, and shaded with the normals between those of the vertices.
+    Smooth,
+    /// A sphere: away from its centre.
+    Sphere,
+    /// A cone or cylinder.
+    Cone,
+}
+
 /// An immutable scene: objects under bounding volumes, materials, lights and a camera.
 #[derive(Debug)]
 pub struct Scene {
@@ -65,8 +89,7 @@ pub struct Scene {
     pub(crate) volume_objects: Vec<ObjectId>,
     pub(crate) volume_runs: Vec<Range<u32>>,
     pub(crate) runs: Vec<ColumnRun>,
-    /// The normal of each triangle.
-    pub(crate) triangle_normals: Vec<DVec3>,
+    pub(crate) surfaces: Vec<PrimitiveSurface>,
     pub(crate) vertex_normals: Vec<[DVec3; 3]>,
     /// By triangle index; `u32::MAX` for none. Empty if no triangle has normals.
     pub(crate) vertex_normal_index: Vec<u32>,
@@ -246,24 +269,34 @@ impl Scene {
         self.extent
     }
 
+    /// What is asked of a primitive at every hit.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such primitive.
+    #[must_use]
+    #[inline(always)]
+    pub fn surface_of(&self, primitive: PrimitiveId) -> &PrimitiveSurface {
+        &self.surfaces[primitive.index()]
+    }
+
     /// The normals of a primitive at a point of it, in world space.
     ///
     /// # Panics
     ///
     /// If there is no such primitive.
     #[must_use]
-    #[inline]
     pub fn surface_at(&self, primitive: PrimitiveId, point: DVec3) -> SurfacePoint {
         let PrimitiveLocation { kind, index, .. } = self.location(primitive);
-        let normal = match kind {
-            PrimitiveKind::Triangle => self.triangle_normals[index as usize],
-            _ => self.primitives.normal_at(kind, index, point),
+        let &PrimitiveSurface { vector, form, .. } = self.surface_of(primitive);
+        let normal = match form {
+            SurfaceForm::Flat | SurfaceForm::Smooth => vector,
+            SurfaceForm::Sphere | SurfaceForm::Cone => self.primitives.normal_at(kind, index, point),
         };
-        let interpolated = match kind {
-            PrimitiveKind::Triangle if self.vertex_normal_index.is_empty() => None,
-            PrimitiveKind::Triangle => self.triangle_normal_at(index, point),
-            PrimitiveKind::Polygon => self.patches.at(index, normal, point),
-            PrimitiveKind::Sphere | PrimitiveKind::Cone => None,
+        let interpolated = match (form, kind) {
+            (SurfaceForm::Smooth, PrimitiveKind::Triangle) => self.triangle_normal_at(index, point),
+            (SurfaceForm::Smooth, _) => self.patches.at(index, normal, point),
+            _ => None,
         };
         let shading_normal = interpolated.and_then(unit).unwrap_or(normal);
         SurfacePoint { normal, shading_normal }
@@ -276,7 +309,7 @@ impl Scene {
     ///
     /// If there is no such primitive.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn outward_at(&self, primitive: PrimitiveId, point: DVec3) -> Option<Outward> {
         let PrimitiveLocation { kind, index, .. } = self.location(primitive);
         self.primitives.outward_at(kind, index, point)

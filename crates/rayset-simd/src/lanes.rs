@@ -165,6 +165,14 @@ pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// If there are fewer.
     #[must_use]
     fn load_f64(self, values: &[f64]) -> Self::F64;
+    /// Moves the first values into the lanes that are set, in their order: where [`Lanes::compress`] took them from. The
+    /// other lanes are zero.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer values than [`Lanes::LANES`].
+    #[must_use]
+    fn expand_f64(self, mask: <Self::F64 as Lanes>::Mask, values: &[f64]) -> Self::F64;
     /// What is given for each lane, from wherever it stands.
     ///
     /// Put together in a register: lanes that are written one by one, and read again all at once, wait for the memory.

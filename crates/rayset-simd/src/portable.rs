@@ -206,6 +206,17 @@ impl Simd for Portable {
         F64x4(from_fn(|i| values[i]))
     }
     #[inline(always)]
+    fn expand_f64(self, mask: M64x4, values: &[f64]) -> F64x4 {
+        let values = &values[..4];
+        let mut next = 0;
+        F64x4(from_fn(|i| {
+            let is_set = mask.0[i] != 0;
+            let value = values[next & 3];
+            next += usize::from(is_set);
+            if is_set { value } else { 0.0 }
+        }))
+    }
+    #[inline(always)]
     fn collect_f64(self, of_lane: impl Fn(usize) -> f64) -> F64x4 {
         F64x4(from_fn(of_lane))
     }

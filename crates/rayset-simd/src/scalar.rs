@@ -92,6 +92,11 @@ impl Simd for Scalar {
         values[0]
     }
     #[inline(always)]
+    fn expand_f64(self, mask: bool, values: &[f64]) -> f64 {
+        let value = values[0];
+        if mask { value } else { 0.0 }
+    }
+    #[inline(always)]
     fn collect_f64(self, of_lane: impl Fn(usize) -> f64) -> f64 {
         of_lane(0)
     }

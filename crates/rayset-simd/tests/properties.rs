@@ -39,6 +39,14 @@ impl Kernel for AllOperations<'_> {
                 for (lane, found) in set.zip(front) {
                     assert_eq!(found.to_bits(), self.a[i + lane].to_bits());
                 }
+                let back = simd.expand_f64(simd.mask_f64(bits), &self.a[i..]);
+                let mut rank = 0;
+                for lane in 0..S::F64::LANES {
+                    let is_set = bits >> lane & 1 == 1;
+                    let expected = if is_set { self.a[i + rank] } else { 0.0 };
+                    assert_eq!(back.lane(lane).to_bits(), expected.to_bits(), "{bits:b}, lane {lane}");
+                    rank += usize::from(is_set);
+                }
             }
             for lane in 0..S::F64::LANES {
                 let mut stored = [0.0; MAX_LANES];

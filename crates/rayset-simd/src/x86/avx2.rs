@@ -124,6 +124,25 @@ const fn fronts<const MASKS: usize>(parts: u32) -> [[u32; 8]; MASKS] {
 static FRONT: [[u32; 8]; 256] = fronts(1);
 static FRONT_PAIRS: [[u32; 8]; 16] = fronts(2);
 
+/// For each mask over four lanes of twice the width, the permutation of halves that moves the first to the set lanes.
+static BACK_PAIRS: [[u32; 8]; 16] = {
+    let mut table = [[0; 8]; 16];
+    let mut mask = 0;
+    while mask < 16 {
+        let (mut lane, mut front) = (0, 0);
+        while lane < 4 {
+            if mask >> lane & 1 == 1 {
+                table[mask][2 * lane] = 2 * front;
+                table[mask][2 * lane + 1] = 2 * front + 1;
+                front += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+};
+
 /// Where the set lanes of a mask come from when they are moved to the front.
 #[inline(always)]
 fn front(mask: Avx2M32) -> __m256i {
@@ -209,6 +228,18 @@ impl Simd for Avx2 {
     fn splat_f64(self, value: f64) -> Avx2F64 {
         // SAFETY: see `register_lanes`; the same for the others.
         Avx2F64(unsafe { _mm256_set1_pd(value) })
+    }
+
+    #[inline(always)]
+    fn expand_f64(self, mask: Avx2M64, values: &[f64]) -> Avx2F64 {
+        let values = &values[..4];
+        let halves: &[u32; 8] = &BACK_PAIRS[mask.bits() as usize & 0xf];
+        // SAFETY: the slice and the array hold a register each.
+        Avx2F64(unsafe {
+            let halves = _mm256_loadu_si256(halves.as_ptr().cast());
+            let values = _mm256_castpd_ps(_mm256_loadu_pd(values.as_ptr()));
+            _mm256_and_pd(mask.0, _mm256_castps_pd(_mm256_permutevar8x32_ps(values, halves)))
+        })
     }
 
     #[inline(always)]

@@ -149,6 +149,13 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn expand_f64(self, mask: Avx512M64, values: &[f64]) -> Avx512F64 {
+        let values = &values[..8];
+        // SAFETY: the slice holds a register.
+        Avx512F64(unsafe { _mm512_maskz_expand_pd(mask.0, _mm512_loadu_pd(values.as_ptr())) })
+    }
+
+    #[inline(always)]
     fn collect_f64(self, of_lane: impl Fn(usize) -> f64) -> Avx512F64 {
         let [a, b, c, d, e, f, g, h] = std::array::from_fn(of_lane);
         // SAFETY: see `register_lanes`.

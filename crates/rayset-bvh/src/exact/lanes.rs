@@ -1,0 +1,70 @@
+//! Rays of columns, a lane each, as the exact tests want them.
+
+use rayset_geometry::{AxesLanes, RayLanes, ShearedLanes, Triangle};
+use rayset_simd::{Lanes, Simd};
+
+use crate::columns::RayColumns;
+
+/// Rays of columns, a lane each, and where their spans start and end.
+pub(super) struct LanesOfColumns<S: Simd> {
+    pub(super) rays: RayLanes<S>,
+    pub(super) span: [S::F64; 2],
+}
+
+impl RayColumns<'_> {
+    /// The rays from one on, of which there are as many as there are lanes.
+    #[inline(always)]
+    pub(super) fn lanes<S: Simd>(&self, simd: S, at: usize) -> LanesOfColumns<S> {
+        let zero = simd.splat_f64(0.0);
+        let mut rays = RayLanes { origin: [zero; 3], direction: [zero; 3] };
+        for k in 0..3 {
+            rays.origin[k] = simd.load_f64(&self.origins[k][at..]);
+            rays.direction[k] = simd.load_f64(&self.directions[k][at..]);
+        }
+        // A ray is a half-line.
+        let start = simd.load_f64(&self.spans.0[at..]).max(zero);
+        LanesOfColumns { rays, span: [start, simd.load_f64(&self.spans.1[at..])] }
+    }
+}
+
+/// In which order the coordinates of triangles are wanted.
+pub(super) enum Order<S: Simd> {
+    /// In that of the axes that all rays have.
+    Common([usize; 3]),
+    /// In that of each ray's own.
+    Own(AxesLanes<S>),
+}
+
+impl<S: Simd> Order<S> {
+    /// The vertices of a triangle, in every lane.
+    #[inline(always)]
+    pub(super) fn of_one(&self, simd: S, triangle: &Triangle) -> [[S::F64; 3]; 3] {
+        match self {
+            Self::Common(axes) => triangle.splat(simd, *axes),
+            Self::Own(axes) => axes.order_all(triangle.splat(simd, WORLD)),
+        }
+    }
+}
+
+/// The world's axes, in their order.
+const WORLD: [usize; 3] = [0, 1, 2];
+
+impl RayColumns<'_> {
+    /// The same sheared, and the order of their axes: most often all have the same.
+    #[inline(always)]
+    pub(super) fn sheared<S: Simd>(&self, simd: S, at: usize) -> (ShearedLanes<S>, Order<S>) {
+        let LanesOfColumns { rays, span } = self.lanes(simd, at);
+        let axes = AxesLanes::of(simd, &rays.direction);
+        if let Some(common) = axes.common() {
+            let mut ordered = rays;
+            for (k, axis) in common.into_iter().enumerate() {
+                ordered.origin[k] = simd.load_f64(&self.origins[axis][at..]);
+                ordered.direction[k] = simd.load_f64(&self.directions[axis][at..]);
+            }
+            return (ShearedLanes::of(simd, ordered, span), Order::Common(common));
+        }
+        let RayLanes { origin, direction } = rays;
+        let rays = RayLanes { origin: axes.order(origin), direction: axes.order(direction) };
+        (ShearedLanes::of(simd, rays, span), Order::Own(axes))
+    }
+}
