@@ -112,6 +112,7 @@ struct Leaving<'a> {
 /// `n` on; returns where they end.
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "a loop of its callers, written once")]
+#[expect(clippy::cast_possible_truncation, reason = "a row of a block")]
 fn gather<'a, S: Simd>(
     simd: S,
     level: &'a Level,
@@ -126,10 +127,27 @@ fn gather<'a, S: Simd>(
     for block in rows.start / ROWS..n_blocks(rows.end) {
         let Leaving { numbers, directions, distances } = of_block(block);
         let surfaces = &level.surfaces[block];
-        let (first, among) = (block * ROWS, among(&rows, block));
+        let mut leaving = 0;
         for i in 0..ROWS / S::F64::LANES {
             let row = i * S::F64::LANES;
-            let mut lanes = load(simd, numbers, row).ge(least).bits() & among >> row;
+            leaving |= load(simd, numbers, row).ge(least).bits() << row;
+        }
+        leaving &= among(&rows, block);
+        if leaving == 0 {
+            continue;
+        }
+        let first = number(block * ROWS);
+        let all: [u32; ROWS] = std::array::from_fn(|row| first + row as u32);
+        let mut end = n;
+        for i in 0..ROWS / S::F32::LANES {
+            let row = i * S::F32::LANES;
+            let lanes = leaving >> row & (u32::MAX >> (32 - S::F32::LANES));
+            simd.compress_u32(simd.mask_f32(lanes), &all[row..], &mut places[end..]);
+            end += lanes.count_ones() as usize;
+        }
+        for i in 0..ROWS / S::F64::LANES {
+            let row = i * S::F64::LANES;
+            let lanes = leaving >> row & (u32::MAX >> (32 - S::F64::LANES));
             if lanes == 0 {
                 continue;
             }
@@ -144,11 +162,7 @@ fn gather<'a, S: Simd>(
             if let Some(distances) = distances {
                 (load(simd, distances, row) - start).compress(mask, &mut rays.ends[n..]);
             }
-            while lanes != 0 {
-                places[n] = number(first + row + lanes.trailing_zeros() as usize);
-                lanes &= lanes - 1;
-                n += 1;
-            }
+            n += lanes.count_ones() as usize;
         }
     }
     n
@@ -162,8 +176,10 @@ pub(crate) fn among(rows: &Range<usize>, block: usize) -> u32 {
 }
 
 #[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "asserted")]
 fn number(row: usize) -> u32 {
-    u32::try_from(row).expect("a bundle holds fewer than 2^32 rays")
+    assert!(row < u32::MAX as usize - ROWS, "a bundle holds fewer than 2^32 rays");
+    row as u32
 }
 
 /// Makes room for so many rays and the rows that they leave, and for lanes beyond.
@@ -174,7 +190,7 @@ fn make_room(rays: &mut Generation, rows: &mut Vec<u32>, n: usize) {
         column.resize(n + MAX_LANES, 0.0);
     }
     rays.ends.resize(n + MAX_LANES, f64::INFINITY);
-    rows.resize(n, 0);
+    rows.resize(n + MAX_LANES, 0);
 }
 
 /// Cuts the columns to the rays that were gathered, and fills those that need no lanes.
