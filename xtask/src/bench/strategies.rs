@@ -106,10 +106,17 @@ fn comparisons(text: &str) -> &str {
     end.map_or(text, |(at, _)| &text[..at])
 }
 
-/// The table of whole frames.
-fn frames(text: &str) -> &str {
+/// The table of whole frames, cut to what the README shows: pictures seen whole that other libraries saw too.
+fn frames(text: &str) -> String {
     let rest = text.split_once("### Speed of a frame's rays\n\n").map_or("", |(_, rest)| rest);
-    rest.split_once("### ").map_or(rest, |(table, _)| table).trim_end_matches('\n')
+    let table = rest.split_once("### ").map_or(rest, |(table, _)| table).trim_end_matches('\n');
+    let is_shown = |line: &&str| {
+        let cells: Vec<_> = line.split('|').map(str::trim).collect();
+        let is_crop = cells.get(2).is_some_and(|view| view.contains(" of "));
+        let is_alone = cells.get(3).is_some_and(|ratio| ratio.is_empty());
+        !is_crop && !is_alone
+    };
+    table.lines().filter(is_shown).collect::<Vec<_>>().join("\n")
 }
 
 /// What the options ask for.
@@ -190,10 +197,14 @@ mod tests {
 
     #[test]
     fn what_is_blessed_is_cut_out_of_the_tables() {
-        let text = "Some machine.\n\n### Speed of a frame's rays\n\n| a |\n\n### Speed, list by list\n\n| b |\n\n\
+        let text = "Some machine.\n\n### Speed of a frame's rays\n\nRatios.\n\n| scene | view | a | b |\n|---|---|---:|---:|\n\
+                    | knob | 512 x 512 | 2.00 | 1.00 |\n| knob | 512 x 512 of 2048 x 2048 | 3.00 | 1.00 |\n\
+                    | balls | 512 x 512 |  | 1.00 |\n\n### Speed, list by list\n\n| b |\n\n\
                     ### balls, 512 x 512: 7 primitives, nanoseconds a ray\n\n| c |\n";
         assert!(comparisons(text).ends_with("| b |\n\n"));
-        assert_eq!(frames(text), "| a |");
+        let shown =
+            "Ratios.\n\n| scene | view | a | b |\n|---|---|---:|---:|\n| knob | 512 x 512 | 2.00 | 1.00 |";
+        assert_eq!(frames(text), shown);
     }
 
     #[test]
