@@ -45,7 +45,7 @@ pub struct Surface {
     pub shading_normal: DVec3,
     /// The side the ray came from.
     pub side: Side,
-    /// How the surface answers light.
+    /// How the surface answers light: the first of the scene's materials that is the same as that of the object.
     pub material: MaterialId,
 }
 

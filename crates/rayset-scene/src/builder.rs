@@ -141,11 +141,13 @@ impl SceneBuilder {
             extent: 0.0,
             bounds: BoundingBox::EMPTY,
         };
+        let firsts = Material::firsts(&scene.materials);
         let mut patches = self.patches.into_iter().peekable();
         for (i, (name, material, parts)) in self.objects.into_iter().enumerate() {
             let normals = patches.next_if(|(object, _)| object.index() == i);
             let normals = normals.map(|(_, normals)| normals).unwrap_or_default();
-            scene.push_object(name, material, &parts, &normals, self.max_volume_primitives);
+            let materials = (material, firsts[material.index()]);
+            scene.push_object(name, materials, &parts, &normals, self.max_volume_primitives);
         }
         Ok(scene)
     }
@@ -256,6 +258,23 @@ mod tests {
         let smooth = scene.surface_at(PrimitiveId(1), point);
         assert_eq!(smooth.normal, DVec3::Z);
         assert!((smooth.shading_normal - DVec3::new(1.0, 0.0, 1.0).normalize()).length() < 1e-15);
+    }
+
+    #[test]
+    fn hits_know_the_first_of_materials_that_are_the_same() {
+        let mut builder = SceneBuilder::new();
+        let grey = Material::default();
+        // What compares as equal is not always the same.
+        let zero = Material { shininess: 0.0, ..grey };
+        let negative = Material { shininess: -0.0, ..grey };
+        for material in [grey, zero, negative, zero, Material { index: 1.5, ..grey }, grey] {
+            let id = builder.add_material(material);
+            builder.add_object("a", id, [sphere(0.0), triangle()]);
+        }
+        let scene = builder.build().unwrap();
+        let found: Vec<u32> = (0..12).map(|i| scene.surface_of(PrimitiveId(i)).material.0).collect();
+        assert_eq!(found, [0, 0, 1, 1, 2, 2, 1, 1, 4, 4, 0, 0]);
+        assert_eq!(scene.material_id_of(crate::ObjectId(5)), MaterialId(5));
     }
 
     #[test]

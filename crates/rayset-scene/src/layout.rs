@@ -11,11 +11,12 @@ use crate::{
 };
 
 impl Scene {
-    /// Appends an object under one volume, or several if it has more primitives than a volume may hold.
+    /// Appends an object under one volume, or several if it has more primitives than a volume may hold; of its material,
+    /// the first that is the same is given too.
     pub(crate) fn push_object(
         &mut self,
         name: String,
-        material: MaterialId,
+        (material, first_material): (MaterialId, MaterialId),
         parts: &[Part],
         patch_normals: &[Vec<DVec3>],
         max_volume_primitives: Option<u32>,
@@ -24,7 +25,8 @@ impl Scene {
         let first = id(self.locations.len() + 1);
         let nowhere = PrimitiveLocation { kind: PrimitiveKind::Sphere, index: 0, volume: VolumeId(0) };
         self.locations.resize(self.locations.len() + parts.len(), nowhere);
-        let unknown = PrimitiveSurface { vector: DVec3::ZERO, material, form: SurfaceForm::Cone };
+        let unknown =
+            PrimitiveSurface { vector: DVec3::ZERO, material: first_material, form: SurfaceForm::Cone };
         self.surfaces.resize(self.locations.len(), unknown);
         let mut all: Vec<usize> = (0..parts.len()).collect();
         let max = max_volume_primitives.map_or(usize::MAX, |max| max as usize);

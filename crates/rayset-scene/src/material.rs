@@ -1,6 +1,10 @@
 //! How a surface answers light.
 
+use std::collections::HashMap;
+
 use rayset_geometry::glam::DVec3;
+
+use crate::MaterialId;
 
 /// Linear red, green and blue; 1 is the white of a light of unit intensity.
 pub type Color = DVec3;
@@ -86,6 +90,25 @@ impl Material {
             (true, false) => Spawns::Reflected,
             (false, false) => Spawns::Nothing,
         }
+    }
+
+    /// All that it is, bit by bit.
+    fn bits(&self) -> [u64; 17] {
+        let Self { diffuse, specular, shininess, reflectance, transmittance, index, emission } = self;
+        let mut bits = [0; 17];
+        let colors = [diffuse, specular, reflectance, transmittance, emission];
+        let numbers = colors.into_iter().flat_map(|color| color.to_array()).chain([*shininess, *index]);
+        for (bits, number) in bits.iter_mut().zip(numbers) {
+            *bits = number.to_bits();
+        }
+        bits
+    }
+
+    /// Of each of some materials, the first that is the same, bit by bit: files often give every object one of its own.
+    pub(crate) fn firsts(materials: &[Self]) -> Vec<MaterialId> {
+        let mut firsts = HashMap::new();
+        let ids = (0..).map(MaterialId);
+        materials.iter().zip(ids).map(|(material, id)| *firsts.entry(material.bits()).or_insert(id)).collect()
     }
 
     /// What makes the material unusable, if anything.

@@ -50,7 +50,7 @@ pub struct SurfacePoint {
 pub struct PrimitiveSurface {
     /// The unit normal of the front of what is flat, the centre of a sphere, nothing of a cone.
     pub vector: DVec3,
-    /// The material of its object.
+    /// The first of the scene's materials that is the same as its object's, bit by bit.
     pub material: MaterialId,
     /// How its normals are found.
     pub form: SurfaceForm,
