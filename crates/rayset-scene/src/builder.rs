@@ -274,7 +274,7 @@ mod tests {
         let scene = builder.build().unwrap();
         let found: Vec<u32> = (0..12).map(|i| scene.surface_of(PrimitiveId(i)).material.0).collect();
         assert_eq!(found, [0, 0, 1, 1, 2, 2, 1, 1, 4, 4, 0, 0]);
-        assert_eq!(scene.material_id_of(crate::ObjectId(5)), MaterialId(5));
+        assert_eq!(scene.material_id_of(ObjectId(5)), MaterialId(5));
     }
 
     #[test]
