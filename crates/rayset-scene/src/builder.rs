@@ -125,7 +125,6 @@ impl SceneBuilder {
             lights: self.lights,
             spawns: self.materials.iter().map(Material::spawns).collect(),
             materials: self.materials,
-            object_materials: Vec::with_capacity(self.objects.len()),
             objects: Vec::with_capacity(self.objects.len()),
             primitives: PrimitiveColumns::default(),
             locations: Vec::with_capacity(n_parts),

@@ -37,7 +37,6 @@ impl Scene {
         });
         let bounds = only.unwrap_or_else(|| enclosing_sphere(parts.iter().map(|part| &part.primitive)));
         let primitives = first..id(self.locations.len() + 1);
-        self.object_materials.push(material);
         self.objects.push(Object { name, material, bounds, primitives });
     }
 

@@ -80,8 +80,6 @@ pub struct Scene {
     /// What each material does with rays, packed: it is asked for at every hit.
     pub(crate) spawns: Vec<Spawns>,
     pub(crate) objects: Vec<Object>,
-    /// The material of each object, packed: it is asked for at every hit.
-    pub(crate) object_materials: Vec<MaterialId>,
     pub(crate) primitives: PrimitiveColumns,
     pub(crate) locations: Vec<PrimitiveLocation>,
     pub(crate) ids: [Vec<PrimitiveId>; 4],
@@ -89,6 +87,7 @@ pub struct Scene {
     pub(crate) volume_objects: Vec<ObjectId>,
     pub(crate) volume_runs: Vec<Range<u32>>,
     pub(crate) runs: Vec<ColumnRun>,
+    /// By primitive.
     pub(crate) surfaces: Vec<PrimitiveSurface>,
     pub(crate) vertex_normals: Vec<[DVec3; 3]>,
     /// By triangle index; `u32::MAX` for none. Empty if no triangle has normals.
@@ -185,7 +184,7 @@ impl Scene {
     #[must_use]
     #[inline]
     pub fn material_id_of(&self, object: ObjectId) -> MaterialId {
-        self.object_materials[object.index()]
+        self.objects[object.index()].material
     }
 
     /// What a material does with rays: [`Material::spawns`].
