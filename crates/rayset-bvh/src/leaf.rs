@@ -8,13 +8,14 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::axes::AxisRays;
 use crate::exact::{Exact, PLACE_BITS, record_of};
-use crate::interval::{Chords, Intervals, SphereBlock};
+use crate::interval::{Chords, Intervals, SphereBlock, splat};
 use crate::packet::{Mask, Packet};
+use crate::pairs::Pairs;
 use crate::shaft::{BoxBlock, Shaft};
 use crate::shapes::{Run, Shapes};
 use crate::together::Question;
 use crate::traverse::Aligned;
-use crate::triangles::{Sheared, one_of};
+use crate::triangles::{Sheared, at_lane, one_of};
 
 /// What it costs to test a primitive against the rays of a packet, in steps.
 pub(crate) const PACKET_TEST_STEPS: u64 = 2;
@@ -24,19 +25,49 @@ trait Primitives<S: Simd, const W: usize> {
     /// One of them, ready for any packet.
     type One;
 
-    /// The one at a place.
-    fn one(&self, simd: S, place: usize) -> Self::One;
-
-    /// Where the rays of a packet hit it.
-    fn intervals(&self, simd: S, one: &Self::One, shaft: &Shaft<S>, packet: &Packet<S, W>) -> Intervals<S>;
-
-    /// Asks for what the exact test of the one at a place reads.
+    /// Which are tested together.
     #[inline(always)]
-    fn fetch(&self, _: S, _: usize) {}
+    fn pairs(&self) -> Pairs {
+        Pairs::NONE
+    }
+
+    /// The one at a place, or two.
+    fn one(&self, simd: S, place: usize, partner: Option<usize>) -> Self::One;
+
+    /// Tests it against the rays of a packet, and tells where they may hit it.
+    fn test<Q: Question<S, W>>(&self, simd: S, one: &Self::One, taker: &mut Taker<'_, S, Q, W>);
 
     /// What an exact test of a ray and one of them costs, in steps.
     fn exact_steps(&self) -> u32 {
         1
+    }
+}
+
+/// A packet that is tested against primitives of a run, and what it asks.
+struct Taker<'a, S: Simd, Q, const W: usize> {
+    exact: &'a Exact<'a, W>,
+    shaft: &'a Shaft<S>,
+    /// The number of the run.
+    run: usize,
+    packet: &'a mut Packet<S, W>,
+    asked: &'a mut Q,
+    /// Whether any ray now ends earlier.
+    is_nearer: bool,
+    /// How many exact tests there were.
+    exact_tests: u32,
+}
+
+impl<S: Simd, Q: Question<S, W>, const W: usize> Taker<'_, S, Q, W> {
+    /// Takes in where the rays may hit what stands at a place of the run.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "a leaf is small")]
+    fn take(&mut self, simd: S, place: usize, at: &Intervals<S>) {
+        if at.possible.any() {
+            let record = record_of(self.run, place as u32);
+            let (is_nearer, tests) = self.asked.take(simd, self.exact, self.packet, record, at);
+            self.is_nearer |= is_nearer;
+            self.exact_tests += tests;
+        }
     }
 }
 
@@ -84,45 +115,95 @@ struct Triangles<'a, S: Simd, const W: usize> {
     errors: &'a Aligned<[f32; W]>,
     /// They themselves.
     exact: &'a [Triangle],
+    pairs: Pairs,
 }
 
-/// A triangle.
-struct OneTriangle<S: Simd> {
+/// A triangle, or two that share an edge: `a b c` at a place, and `a c d` at the partner's.
+struct OneOrTwo<S: Simd> {
     place: usize,
-    vertices: [[S::F32; 3]; 3],
+    partner: Option<usize>,
+    vertices: [[S::F32; 3]; 4],
     error: S::F32,
 }
 
-impl<S: Simd, const W: usize> Primitives<S, W> for Triangles<'_, S, W> {
-    type One = OneTriangle<S>;
-
-    #[inline(always)]
-    fn one(&self, simd: S, place: usize) -> OneTriangle<S> {
-        let error = simd.splat_f32(self.errors.0[place % W]);
-        OneTriangle { place, vertices: one_of(simd, &self.columns, place), error }
-    }
-
+impl<S: Simd, const W: usize> Triangles<'_, S, W> {
+    /// Where the rays of a packet hit the triangle at a place, by how it is sheared along them.
     #[inline(always)]
     fn intervals(
         &self,
         simd: S,
-        one: &OneTriangle<S>,
+        place: usize,
+        sheared: &Sheared<S>,
         shaft: &Shaft<S>,
         packet: &Packet<S, W>,
     ) -> Intervals<S> {
-        let [a, b, c] = one.vertices;
-        let sheared = Sheared::<S>::of([packet.shear(a), packet.shear(b), packet.shear(c)]);
-        // Most tests are done with here.
-        if !sheared.near(one.error).any() {
-            return Intervals::none(simd);
-        }
-        let (front, back) = self.hittable.by(simd, one.place, packet);
+        let (front, back) = self.hittable.by(simd, place, packet);
         sheared.intervals(simd, shaft.rounding(), packet.factors[2], &packet.span(), front, back)
     }
 
+    /// Tells where the rays of a packet may hit the triangle at a place.
     #[inline(always)]
-    fn fetch(&self, simd: S, place: usize) {
-        simd.fetch(&self.exact[place]);
+    fn tell<Q: Question<S, W>>(
+        &self,
+        simd: S,
+        place: usize,
+        sheared: &Sheared<S>,
+        taker: &mut Taker<'_, S, Q, W>,
+    ) {
+        let at = self.intervals(simd, place, sheared, taker.shaft, taker.packet);
+        if Q::EXACT && at.possible.any() {
+            // The exact test will read it.
+            simd.fetch(&self.exact[place]);
+        }
+        taker.take(simd, place, &at);
+    }
+}
+
+impl<S: Simd, const W: usize> Primitives<S, W> for Triangles<'_, S, W> {
+    type One = OneOrTwo<S>;
+
+    #[inline(always)]
+    fn pairs(&self) -> Pairs {
+        self.pairs
+    }
+
+    #[inline(always)]
+    fn one(&self, simd: S, place: usize, partner: Option<usize>) -> OneOrTwo<S> {
+        let [a, b, c] = one_of(simd, &self.columns, place);
+        let (error, d) = match partner {
+            Some(partner) => {
+                let error = self.errors.0[place % W].max(self.errors.0[partner % W]);
+                (error, splat(simd, at_lane(&self.columns[2], partner)))
+            }
+            None => (self.errors.0[place % W], a),
+        };
+        OneOrTwo { place, partner, vertices: [a, b, c, d], error: simd.splat_f32(error) }
+    }
+
+    #[inline(always)]
+    fn test<Q: Question<S, W>>(&self, simd: S, one: &OneOrTwo<S>, taker: &mut Taker<'_, S, Q, W>) {
+        let packet = &*taker.packet;
+        let [a, b, c, d] = one.vertices;
+        let (a, b, c) = (packet.shear(a), packet.shear(b), packet.shear(c));
+        let Some(partner) = one.partner else {
+            let sheared = Sheared::<S>::of([a, b, c]);
+            // Most tests are done with here.
+            if sheared.near(one.error).any() {
+                self.tell(simd, one.place, &sheared, taker);
+            }
+            return;
+        };
+        let [first, second] = Sheared::<S>::two([a, b, c, packet.shear(d)]);
+        let (near_first, near_second) = (first.near(one.error), second.near(one.error));
+        if !(near_first | near_second).any() {
+            return;
+        }
+        if near_first.any() {
+            self.tell(simd, one.place, &first, taker);
+        }
+        if near_second.any() {
+            self.tell(simd, partner, &second, taker);
+        }
     }
 }
 
@@ -138,14 +219,8 @@ struct OneSphere<S: Simd> {
     sphere: ([S::F32; 3], S::F32),
 }
 
-impl<S: Simd, const W: usize> Primitives<S, W> for Spheres<'_, S, W> {
-    type One = OneSphere<S>;
-
-    #[inline(always)]
-    fn one(&self, simd: S, place: usize) -> OneSphere<S> {
-        OneSphere { place, sphere: self.block.one(simd, place % W) }
-    }
-
+impl<S: Simd, const W: usize> Spheres<'_, S, W> {
+    /// Where the rays of a packet hit one.
     #[inline(always)]
     fn intervals(
         &self,
@@ -163,6 +238,21 @@ impl<S: Simd, const W: usize> Primitives<S, W> for Spheres<'_, S, W> {
     }
 }
 
+impl<S: Simd, const W: usize> Primitives<S, W> for Spheres<'_, S, W> {
+    type One = OneSphere<S>;
+
+    #[inline(always)]
+    fn one(&self, simd: S, place: usize, _: Option<usize>) -> OneSphere<S> {
+        OneSphere { place, sphere: self.block.one(simd, place % W) }
+    }
+
+    #[inline(always)]
+    fn test<Q: Question<S, W>>(&self, simd: S, one: &OneSphere<S>, taker: &mut Taker<'_, S, Q, W>) {
+        let at = self.intervals(simd, one, taker.shaft, taker.packet);
+        taker.take(simd, one.place, &at);
+    }
+}
+
 /// Polygons or cones.
 struct Others<'a, S: Simd, const W: usize> {
     hittable: Hittable<'a, S>,
@@ -170,17 +260,10 @@ struct Others<'a, S: Simd, const W: usize> {
     run: &'a Run,
 }
 
-impl<S: Simd, const W: usize> Primitives<S, W> for Others<'_, S, W> {
-    type One = usize;
-
+impl<S: Simd, const W: usize> Others<'_, S, W> {
+    /// Where the rays of a packet hit the one at a place: surely only where a fan says so.
     #[inline(always)]
-    fn one(&self, _: S, place: usize) -> usize {
-        place
-    }
-
-    /// Surely only where a fan says so.
-    #[inline(always)]
-    fn intervals(&self, simd: S, &place: &usize, shaft: &Shaft<S>, packet: &Packet<S, W>) -> Intervals<S> {
+    fn intervals(&self, simd: S, place: usize, shaft: &Shaft<S>, packet: &Packet<S, W>) -> Intervals<S> {
         let Self { hittable, shapes, run } = self;
         let bounds = shapes.box_block(run).bounds(place);
         let slabs = packet.slabs(simd, shaft.unit);
@@ -203,6 +286,21 @@ impl<S: Simd, const W: usize> Primitives<S, W> for Others<'_, S, W> {
             }
         }
         Intervals { possible, sure: simd.mask_f32(0), low, high }
+    }
+}
+
+impl<S: Simd, const W: usize> Primitives<S, W> for Others<'_, S, W> {
+    type One = usize;
+
+    #[inline(always)]
+    fn one(&self, _: S, place: usize, _: Option<usize>) -> usize {
+        place
+    }
+
+    #[inline(always)]
+    fn test<Q: Question<S, W>>(&self, simd: S, &place: &usize, taker: &mut Taker<'_, S, Q, W>) {
+        let at = self.intervals(simd, place, taker.shaft, taker.packet);
+        taker.take(simd, place, &at);
     }
 
     fn exact_steps(&self) -> u32 {
@@ -237,7 +335,8 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Asking<'_, S, Q, W> {
                     shaft.rounding().of_edges(simd, extents).store(&mut errors.0);
                     let columns = block.columns(shaft.axes);
                     let exact = shapes.triangles_of(run);
-                    let triangles = Triangles { hittable, columns, errors: &errors, exact };
+                    let triangles =
+                        Triangles { hittable, columns, errors: &errors, exact, pairs: shapes.pairs(run) };
                     self.run::<ALONE, _>(simd, i, &boxes, &triangles);
                 }
                 PrimitiveKind::Sphere => {
@@ -268,37 +367,43 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Asking<'_, S, Q, W> {
     ) {
         let Self { exact, shaft, packets, asked, progress } = self;
         let mut candidates = shaft.candidates(simd, boxes, progress.reach);
+        // Where any hit will do, packets by themselves are often answered by the first half.
+        let pairs = if ALONE && !Q::EXACT { Pairs::NONE } else { primitives.pairs() };
         let mut is_new = false;
         while candidates != 0 {
             let place = candidates.trailing_zeros();
             candidates &= candidates - 1;
+            let partner = pairs.of(place);
+            let partner = (candidates >> partner & 1 != 0).then_some(partner as usize);
+            let mut bounds = boxes.bounds(place as usize);
+            if let Some(partner) = partner {
+                candidates &= !(1 << partner);
+                bounds = union(bounds, boxes.bounds(partner));
+            }
             let mut met = 1;
             if !ALONE {
                 progress.shaft_tests += 1;
-                met = shaft.packets_that_meet(simd, boxes.bounds(place as usize), progress.reaches);
+                met = shaft.packets_that_meet(simd, bounds, progress.reaches);
                 if met == 0 {
                     continue;
                 }
             }
-            let one = primitives.one(simd, place as usize);
+            let one = primitives.one(simd, place as usize, partner);
             while met != 0 {
                 let p = if ALONE { 0 } else { met.trailing_zeros() as usize };
                 met &= met - 1;
                 let (packet, asked) = (&mut packets[p], &mut asked[p]);
                 progress.packet_tests += 1;
                 progress.ray_tests += packet.len as u64;
-                let at = primitives.intervals(simd, &one, shaft, packet);
-                if at.possible.any() {
-                    if Q::EXACT {
-                        primitives.fetch(simd, place as usize);
-                    }
-                    let (is_nearer, tests) = asked.take(simd, exact, packet, record_of(i, place), &at);
-                    progress.exact_steps += u64::from(tests * primitives.exact_steps());
-                    if is_nearer {
-                        let reach = simd.splat_f32(shaft.reach(simd, packet));
-                        reach.put(simd.mask_f32(1 << p), &mut progress.reaches);
-                        is_new = true;
-                    }
+                let mut taker =
+                    Taker { exact, shaft, run: i, packet, asked, is_nearer: false, exact_tests: 0 };
+                primitives.test(simd, &one, &mut taker);
+                let Taker { is_nearer, exact_tests, .. } = taker;
+                progress.exact_steps += u64::from(exact_tests * primitives.exact_steps());
+                if is_nearer {
+                    let reach = simd.splat_f32(shaft.reach(simd, packet));
+                    reach.put(simd.mask_f32(1 << p), &mut progress.reaches);
+                    is_new = true;
                 }
             }
         }
@@ -306,6 +411,17 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Asking<'_, S, Q, W> {
             progress.sum_up();
         }
     }
+}
+
+/// A box round two.
+#[inline(always)]
+fn union([low, high]: [[f32; 3]; 2], [other_low, other_high]: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
+    let mut both = [low, high];
+    for k in 0..3 {
+        both[0][k] = if other_low[k] < low[k] { other_low[k] } else { low[k] };
+        both[1][k] = if other_high[k] > high[k] { other_high[k] } else { high[k] };
+    }
+    both
 }
 
 /// How far the packets of a shaft still reach along its axis, and what testing them took.
@@ -368,17 +484,18 @@ impl<const W: usize> Shapes<W> {
         let hittable = Hittable::of(simd, self, run);
         let at = match run.kind {
             PrimitiveKind::Triangle => {
-                let columns = self.triangle_block(run).columns(shaft.axes);
-                let errors = &Aligned([f32::INFINITY; W]);
-                let triangles = Triangles { hittable, columns, errors, exact: self.triangles_of(run) };
-                triangles.intervals(simd, &triangles.one(simd, place), shaft, packet)
+                let [a, b, c] = self.triangle_block(run).one(simd, place, shaft.axes);
+                let sheared = Sheared::<S>::of([packet.shear(a), packet.shear(b), packet.shear(c)]);
+                let (front, back) = hittable.by(simd, place, packet);
+                let (rounding, span) = (shaft.rounding(), packet.span());
+                sheared.intervals(simd, rounding, packet.factors[2], &span, front, back)
             }
             PrimitiveKind::Sphere => {
                 let spheres = Spheres { hittable, block: self.sphere_block(run) };
-                spheres.intervals(simd, &spheres.one(simd, place), shaft, packet)
+                spheres.intervals(simd, &spheres.one(simd, place, None), shaft, packet)
             }
             PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                Others { hittable, shapes: self, run }.intervals(simd, &place, shaft, packet)
+                Others { hittable, shapes: self, run }.intervals(simd, place, shaft, packet)
             }
         };
         at.possible & at.sure

@@ -39,6 +39,7 @@ mod lists;
 mod node;
 mod own;
 mod packet;
+mod pairs;
 mod ray;
 mod shaft;
 mod shapes;

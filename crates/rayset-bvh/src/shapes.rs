@@ -6,6 +6,7 @@ pub(crate) use self::alone::{Anything, Content, Found, Nearest, OnlySpheres, Onl
 use crate::axes::AxisBlock;
 use crate::fans::FanBlock;
 use crate::interval::SphereBlock;
+use crate::pairs::Pairs;
 use crate::shaft::BoxBlock;
 use crate::triangles::TriangleBlock;
 
@@ -54,6 +55,8 @@ pub(crate) struct Shapes<const W: usize> {
     runs: Vec<Run>,
     sphere_blocks: Vec<SphereBlock<W>>,
     triangle_blocks: Vec<TriangleBlock<W>>,
+    /// Which triangles of each block packets test together: apart from all that single rays read.
+    pairs: Vec<Pairs>,
     fan_blocks: Vec<FanBlock<W>>,
     axis_blocks: Vec<AxisBlock<W>>,
     box_blocks: Vec<BoxBlock<W>>,
@@ -129,6 +132,12 @@ impl<const W: usize> Shapes<W> {
         &self.triangle_blocks[run.block as usize]
     }
 
+    /// Which triangles of a run packets test together.
+    #[inline(always)]
+    pub(crate) fn pairs(&self, run: &Run) -> Pairs {
+        self.pairs[run.block as usize]
+    }
+
     #[inline(always)]
     pub(crate) fn sphere(&self, index: u32) -> &Sphere {
         &self.spheres[index as usize]
@@ -196,6 +205,7 @@ impl<const W: usize> Shapes<W> {
         size_of_val(&self.runs[..])
             + size_of_val(&self.sphere_blocks[..])
             + size_of_val(&self.triangle_blocks[..])
+            + size_of_val(&self.pairs[..])
             + size_of_val(&self.fan_blocks[..])
             + size_of_val(&self.axis_blocks[..])
             + size_of_val(&self.box_blocks[..])

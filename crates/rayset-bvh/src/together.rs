@@ -292,8 +292,10 @@ mod tests {
             let mut block = TriangleBlock::<W>::EMPTY;
             block.set(0, corners.map(|corner| frame.point(corner).to_array()));
             let [a, b, c] = block.one(simd, 0, shaft.axes);
-            let vertices = [packet.shear(a), packet.shear(b), packet.shear(c)];
-            let sheared = Sheared::of(vertices);
+            let [a, b, c] = [packet.shear(a), packet.shear(b), packet.shear(c)];
+            // By itself, or as the second of two: then the edge that rays are aimed at is shared.
+            let sheared =
+                if case / 24 % 2 == 0 { Sheared::of([a, b, c]) } else { Sheared::two([b, a, c, a])[1] };
             let (all, rounding) =
                 (simd.mask_f32(u32::MAX), Rounding { unit: factor * unit, scale: shaft.steepness });
             let extents = block.boxes(simd, &mut BoxBlock::EMPTY.clone());

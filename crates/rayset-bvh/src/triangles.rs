@@ -32,6 +32,19 @@ impl<const W: usize> TriangleBlock<W> {
         }
     }
 
+    /// A vertex of a lane.
+    pub(crate) fn at(&self, lane: usize, vertex: usize) -> [f32; 3] {
+        std::array::from_fn(|k| self.vertices[3 * vertex + k][lane])
+    }
+
+    /// Turns a triangle so that it begins with one of its vertices.
+    pub(crate) fn turn(&mut self, lane: usize, first: usize) {
+        let vertices = [0, 1, 2].map(|vertex| self.at(lane, (first + vertex) % 3));
+        for (column, coordinate) in self.vertices.iter_mut().zip(vertices.as_flattened()) {
+            column[lane] = *coordinate;
+        }
+    }
+
     /// The triangles, sheared along a ray.
     #[inline(always)]
     pub(crate) fn shear<S: Simd, const N: usize>(&self, simd: S, ray: CullRay<'_, N>) -> Sheared<S> {
@@ -117,6 +130,18 @@ impl<S: Simd> Sheared<S> {
         let v = ax.mul_sub(cy, ay * cx);
         let w = bx.mul_sub(ay, by * ax);
         Self { vertices, u, v, w, least: u.min(v).min(w), greatest: u.max(v).max(w) }
+    }
+
+    /// `a b c` and `a c d`.
+    #[inline(always)]
+    pub(crate) fn two([a, b, c, d]: [[S::F32; 3]; 4]) -> [Self; 2] {
+        let first = Self::of([a, b, c]);
+        let ([ax, ay, _], [cx, cy, _], [dx, dy, _]) = (a, c, d);
+        let u = dx.mul_sub(cy, dy * cx);
+        let v = ax.mul_sub(dy, ay * dx);
+        let w = -first.v;
+        let vertices = [a, c, d];
+        [first, Self { vertices, u, v, w, least: u.min(v).min(w), greatest: u.max(v).max(w) }]
     }
 
     /// The pairs of which the ray may pass through the triangle, by [`Rounding::of_edges`]: some more than
@@ -242,6 +267,11 @@ pub(crate) fn one_of<S: Simd, const W: usize>(
     [a, b, c]: &[[&[f32; W]; 3]; 3],
     lane: usize,
 ) -> [[S::F32; 3]; 3] {
-    let at = |[x, y, z]: &[&[f32; W]; 3]| [x[lane % W], y[lane % W], z[lane % W]];
-    [splat(simd, at(a)), splat(simd, at(b)), splat(simd, at(c))]
+    [splat(simd, at_lane(a, lane)), splat(simd, at_lane(b, lane)), splat(simd, at_lane(c, lane))]
+}
+
+/// Three coordinates in a lane.
+#[inline(always)]
+pub(crate) fn at_lane<const W: usize>([x, y, z]: &[&[f32; W]; 3], lane: usize) -> [f32; 3] {
+    [x[lane % W], y[lane % W], z[lane % W]]
 }

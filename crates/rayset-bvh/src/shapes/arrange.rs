@@ -111,6 +111,8 @@ impl<const W: usize> Shapes<W> {
                 block
             };
             shapes.triangle_blocks = collected(leaves.par_iter().with_min_len(64).map(block));
+            let blocks = shapes.triangle_blocks.par_iter_mut().zip(leaves).with_min_len(64);
+            shapes.pairs = collected(blocks.map(|(block, leaf)| block.pair_up(leaf.len())));
         }
         let numbers = collected(references.par_iter().with_min_len(1024).map(Reference::primitive));
         shapes.places = large_page_vec(items.len());
@@ -181,6 +183,9 @@ impl<const W: usize> Shapes<W> {
             }
             self.places[number as usize] = Place::new(kind, first + index_of(lane));
             self.numbers[kind as usize].push(number);
+        }
+        if kind == PrimitiveKind::Triangle {
+            self.pairs.push(self.triangle_blocks[block].pair_up(members.len()));
         }
     }
 
