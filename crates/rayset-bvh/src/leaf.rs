@@ -123,7 +123,7 @@ struct OneOrTwo<S: Simd> {
     place: usize,
     partner: Option<usize>,
     vertices: [[S::F32; 3]; 4],
-    error: S::F32,
+    errors: [S::F32; 2],
 }
 
 impl<S: Simd, const W: usize> Triangles<'_, S, W> {
@@ -170,14 +170,11 @@ impl<S: Simd, const W: usize> Primitives<S, W> for Triangles<'_, S, W> {
     #[inline(always)]
     fn one(&self, simd: S, place: usize, partner: Option<usize>) -> OneOrTwo<S> {
         let [a, b, c] = one_of(simd, &self.columns, place);
-        let (error, d) = match partner {
-            Some(partner) => {
-                let error = self.errors.0[place % W].max(self.errors.0[partner % W]);
-                (error, splat(simd, at_lane(&self.columns[2], partner)))
-            }
-            None => (self.errors.0[place % W], a),
-        };
-        OneOrTwo { place, partner, vertices: [a, b, c, d], error: simd.splat_f32(error) }
+        let other = partner.unwrap_or(place);
+        let d = splat(simd, at_lane(&self.columns[2], other));
+        let errors = [place, other].map(|place| self.errors.0[place % W]);
+        let errors = [simd.splat_f32(errors[0]), simd.splat_f32(errors[1])];
+        OneOrTwo { place, partner, vertices: [a, b, c, d], errors }
     }
 
     #[inline(always)]
@@ -188,13 +185,13 @@ impl<S: Simd, const W: usize> Primitives<S, W> for Triangles<'_, S, W> {
         let Some(partner) = one.partner else {
             let sheared = Sheared::<S>::of([a, b, c]);
             // Most tests are done with here.
-            if sheared.near(one.error).any() {
+            if sheared.near(one.errors[0]).any() {
                 self.tell(simd, one.place, &sheared, taker);
             }
             return;
         };
         let [first, second] = Sheared::<S>::two([a, b, c, packet.shear(d)]);
-        let (near_first, near_second) = (first.near(one.error), second.near(one.error));
+        let (near_first, near_second) = (first.near(one.errors[0]), second.near(one.errors[1]));
         if !(near_first | near_second).any() {
             return;
         }
