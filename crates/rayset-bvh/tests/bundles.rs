@@ -289,6 +289,44 @@ fn rays_of_one_eye_are_answered_together() {
     }
 }
 
+/// Halves of the faces of a mesh, which packets test two at a time: from above, and grazing it.
+#[test]
+fn rays_meet_either_half_of_a_face_together() {
+    let height = |x: u32, y: u32| 0.3 * (f64::from(x * 7 + y * 13) * 0.618_033_9).fract();
+    let corner = |x: u32, y: u32| dvec3(f64::from(x), f64::from(y), height(x, y));
+    let mut primitives = Vec::new();
+    for (x, y) in (0..24).flat_map(|y| (0..24).map(move |x| (x, y))) {
+        // A face is missing here and there.
+        if (x + 3 * y) % 5 != 0 {
+            let [a, b] = [corner(x, y), corner(x + 1, y)];
+            let [c, d] = [corner(x + 1, y + 1), corner(x, y + 1)];
+            primitives.push((Primitive::from(Triangle::new(a, b, c)), Sides::Both));
+            // Some halves are turned over, and share no edge then.
+            let other = if x % 4 == 3 { Triangle::new(a, d, c) } else { Triangle::new(c, d, a) };
+            primitives.push((other.into(), Sides::Both));
+        }
+    }
+    for (eye, spread) in [
+        (dvec3(11.0, 12.0, 15.0), 0.2),
+        (dvec3(11.0, 12.0, 15.0), 1.0),
+        (dvec3(-6.0, 11.0, 0.6), 0.1),
+        (dvec3(12.5, -8.0, 1.0), 0.4),
+    ] {
+        let middle = dvec3(12.0, 12.0, 0.0);
+        let mut list = List::default();
+        for i in 0..1024_u32 {
+            // Along a Z-order curve, as pixels come.
+            let bits = |i: u32| (0..5).map(|k| (i >> (2 * k) & 1) << k).sum::<u32>();
+            let (u, v) = (f64::from(bits(i)) / 16.0 - 1.0, f64::from(bits(i >> 1)) / 16.0 - 1.0);
+            let target = middle + spread * dvec3(9.0 * u, 9.0 * v, 0.2 * v);
+            let left = (i % 8 == 3).then_some((i % primitives.len() as u32, Side::Front));
+            list.push(&Ray::new(eye, unit(target - eye).unwrap()), Span::FORWARD, left);
+        }
+        let (rays, together) = (2 * 1024 * Backend::available().len() as u64, check(&primitives, &list));
+        assert!(2 * together > rays, "{together} of {rays} from {eye}");
+    }
+}
+
 /// They are met in the order of the leaves, whatever their numbers are.
 #[test]
 fn of_equally_near_spheres_that_a_cone_leaves_the_first_is_hit() {
