@@ -319,7 +319,7 @@ fn rays_meet_either_half_of_a_face_together() {
             let bits = |i: u32| (0..5).map(|k| (i >> (2 * k) & 1) << k).sum::<u32>();
             let (u, v) = (f64::from(bits(i)) / 16.0 - 1.0, f64::from(bits(i >> 1)) / 16.0 - 1.0);
             let target = middle + spread * dvec3(9.0 * u, 9.0 * v, 0.2 * v);
-            let left = (i % 8 == 3).then_some((i % primitives.len() as u32, Side::Front));
+            let left = (i % 8 == 3).then_some((i / 2, Side::Front));
             list.push(&Ray::new(eye, unit(target - eye).unwrap()), Span::FORWARD, left);
         }
         let (rays, together) = (2 * 1024 * Backend::available().len() as u64, check(&primitives, &list));
