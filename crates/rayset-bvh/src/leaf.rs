@@ -386,12 +386,13 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Asking<'_, S, Q, W> {
                 }
             }
             let one = primitives.one(simd, place as usize, partner);
+            let n_tested = 1 + u64::from(partner.is_some());
             while met != 0 {
                 let p = if ALONE { 0 } else { met.trailing_zeros() as usize };
                 met &= met - 1;
                 let (packet, asked) = (&mut packets[p], &mut asked[p]);
                 progress.packet_tests += 1;
-                progress.ray_tests += packet.len as u64;
+                progress.ray_tests += n_tested * packet.len as u64;
                 let mut taker =
                     Taker { exact, shaft, run: i, packet, asked, is_nearer: false, exact_tests: 0 };
                 primitives.test(simd, &one, &mut taker);
@@ -432,7 +433,7 @@ pub(crate) struct Progress<S: Simd> {
     pub(crate) shaft_tests: u64,
     /// Tests of a primitive against the rays of a packet.
     pub(crate) packet_tests: u64,
-    /// How many rays those were.
+    /// How many rays and primitives those were.
     pub(crate) ray_tests: u64,
     /// Steps for tests in double precision, where single precision was not sure.
     pub(crate) exact_steps: u64,
