@@ -157,7 +157,7 @@ mod tests {
     use rayset_simd::{Backend, Kernel, Scalar};
 
     use super::*;
-    use crate::ray::{Copies, CullRays};
+    use crate::ray::{Copies, CullRays, Targets};
 
     /// How many hits of rays that graze cylinders and cones, meet them at their ends, or end there are lost, and how many
     /// rays are passed over.
@@ -217,8 +217,12 @@ mod tests {
                     }
                 }
                 let frame = Frame::of(&BoundingBox { min: place(DVec3::NEG_ONE), max: place(DVec3::ONE) });
-                let alone =
-                    CullRays::<8>::alone(Scalar, &frame, &Copies::<8>::of(&ray, span).columns(), true);
+                let alone = CullRays::<8>::alone(
+                    Scalar,
+                    &frame,
+                    &Copies::<8>::of(&ray, span).columns(),
+                    Targets::FLAT,
+                );
                 let Some(cull) = alone.ray(0) else { continue };
                 let mut rays = AxisRays::of(simd, cull, cull.end_above());
                 for (margin, factor) in rays.margins.iter_mut().zip(self.factors) {

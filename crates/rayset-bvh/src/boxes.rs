@@ -9,7 +9,7 @@ use crate::entrance::{Entered, Entrance};
 use crate::frame::Frame;
 use crate::hierarchy::ahead;
 use crate::node::Tree;
-use crate::ray::{CullRay, CullRays};
+use crate::ray::{CullRay, CullRays, Targets};
 use crate::traverse::{Stack, Steps, Visitor, traverse};
 use crate::{Hit, Query};
 
@@ -212,7 +212,7 @@ impl<const W: usize> Wide<W> {
         let mut columns = Columns::NONE;
         let (mut prepared, mut entrance) = (CullRays::<W>::NONE, Entrance::<W>::NONE);
         for queries in queries.chunks(W) {
-            prepared.prepare(simd, frame, &columns.fill(queries), (0, queries.len()), false);
+            prepared.prepare(simd, frame, &columns.fill(queries), (0, queries.len()), Targets::default());
             entrance.begin(simd, &self.tree, &prepared, prepared.ends());
             for (ray, query) in queries.iter().enumerate() {
                 let query = Query { span: ahead(query.span), ..*query };
@@ -293,6 +293,8 @@ struct Visit<'a, Q, const W: usize> {
 }
 
 impl<Q: Search, const W: usize> Visitor for Visit<'_, Q, W> {
+    const FACES: bool = false;
+
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
         let range = self.wide.starts[leaf] as usize..self.wide.starts[leaf + 1] as usize;

@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 use rayset_simd::large_page_vec;
 
-use crate::frame::CullBox;
+use crate::frame::{CullBox, side};
 use crate::node::{Child, Node, Tree};
 
 /// How many bins a split is looked for in.
@@ -47,6 +47,11 @@ impl Reference {
         self.high[3] as u32
     }
 
+    /// Whether its box has no thickness along an axis.
+    pub(crate) fn is_flat(&self) -> bool {
+        (0..3).any(|k| self.low[k] >= self.high[k])
+    }
+
     /// Twice the middle.
     #[inline(always)]
     fn doubled_center(&self) -> Four {
@@ -77,10 +82,7 @@ impl FourBox {
     /// Half the surface; zero for the empty box.
     #[inline(always)]
     fn half_area(&self) -> f32 {
-        let side = |k: usize| {
-            let side = self.high[k] - self.low[k];
-            if side > 0.0 { side } else { 0.0 }
-        };
+        let side = |k: usize| side(self.low[k], self.high[k]);
         let (x, y, z) = (side(0), side(1), side(2));
         x * y + y * z + z * x
     }

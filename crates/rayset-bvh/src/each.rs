@@ -230,7 +230,7 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
         let (mut found, mut known) = ([Q::NOTHING; W], [Q::UNKNOWN; W]);
         while first < end {
             let len = (end - first).min(W);
-            prepared.prepare(simd, frame, &columns, (first, len), wide.is_flat::<C>());
+            prepared.prepare(simd, frame, &columns, (first, len), wide.targets::<C>());
             let mut open = prepared.found(len);
             let mut ends = *prepared.ends();
             let left = columns.left_by(first..first + len);
@@ -332,8 +332,11 @@ impl<const W: usize> Wide<W> {
         } else if self.shapes.is_only(PrimitiveKind::Sphere) {
             let content = PhantomData::<OnlySpheres>;
             simd.outline(Each { content, wide: self, frame, question, rays, scratch });
+        } else if self.shapes.is_only(PrimitiveKind::Triangle) && self.has_faces {
+            let content = PhantomData::<OnlyTriangles<true>>;
+            simd.outline(Each { content, wide: self, frame, question, rays, scratch });
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {
-            let content = PhantomData::<OnlyTriangles>;
+            let content = PhantomData::<OnlyTriangles<false>>;
             simd.outline(Each { content, wide: self, frame, question, rays, scratch });
         } else {
             let content = PhantomData::<Anything>;

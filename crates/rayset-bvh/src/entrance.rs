@@ -114,6 +114,7 @@ mod tests {
     use super::*;
     use crate::columns::RayColumns;
     use crate::frame::Frame;
+    use crate::ray::Targets;
     use crate::traverse::children_of;
 
     /// Whether each of many rays enters the same children together as by itself, and as far away.
@@ -164,7 +165,7 @@ mod tests {
                 spans: (&starts, &ends),
                 left: &[],
             };
-            prepared.prepare(simd, &frame, &columns, (0, W), false);
+            prepared.prepare(simd, &frame, &columns, (0, W), Targets::default());
             entrance.test(simd, &node, &prepared, prepared.ends());
             for i in 0..W {
                 let Some(cull) = prepared.ray(i) else { continue };

@@ -170,7 +170,7 @@ mod tests {
     use super::*;
     use crate::columns::RayColumns;
     use crate::packet::{Approach, level};
-    use crate::ray::{Copies, CullRays};
+    use crate::ray::{Copies, CullRays, Targets};
 
     /// How often the single-precision answer contradicts the exact one, and how often it is sure.
     #[derive(Debug, Default)]
@@ -244,7 +244,7 @@ mod tests {
                 let eye = if case % 7 == 0 { target + 1e-2 * (DVec3::Z + 0.5 * dice.point()) } else { far };
                 let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
                 let copies = Copies::<8>::of(&ray, Span::FORWARD);
-                let mut rays = CullRays::<8>::alone(Scalar, &frame, &copies.columns(), true);
+                let mut rays = CullRays::<8>::alone(Scalar, &frame, &copies.columns(), Targets::FLAT);
                 rays.unit = rays.unit.map(|unit| unit * self.factor);
                 let Some(cull) = rays.ray(0) else { continue };
                 let vertices = polygon.vertices();

@@ -30,9 +30,19 @@ impl CullBox {
     /// Half the surface; zero for the empty box.
     #[inline]
     pub(crate) fn half_area(&self) -> f32 {
-        let [x, y, z] = std::array::from_fn(|k| (self.high[k] - self.low[k]).max(0.0));
+        let [x, y, z] = std::array::from_fn(|k| side(self.low[k], self.high[k]));
         x * y + y * z + z * x
     }
+}
+
+/// What a side of a box counts as, if it has no length: rays meet what lies along an axis too, and the longer, the more often.
+const FINEST: f32 = 1.0 / 4_194_304.0;
+
+/// The length of a side of a box, from one plane to the other, and a little more; zero if the box is empty.
+#[inline(always)]
+pub(crate) fn side(low: f32, high: f32) -> f32 {
+    let side = high - low;
+    if side >= 0.0 { side + FINEST } else { 0.0 }
 }
 
 impl Frame {
@@ -58,8 +68,16 @@ impl Frame {
     /// A box in culling space, rounded outwards.
     pub(crate) fn cull_box(&self, bounds: &BoundingBox) -> CullBox {
         let (low, high) = (self.point(bounds.min).to_array(), self.point(bounds.max).to_array());
-        CullBox { low: low.map(round_down), high: high.map(round_up) }
+        CullBox { low: low.map(|value| -at_least(-value)), high: high.map(at_least) }
     }
+}
+
+/// The least number in single precision that is not below `value`: the same, if there is such a number.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "made up for")]
+fn at_least(value: f64) -> f32 {
+    let rounded = value as f32;
+    if f64::from(rounded) < value { rounded.next_up() } else { rounded }
 }
 
 /// A number in single precision that is not above `value`, whose own rounding is allowed for.
@@ -95,6 +113,25 @@ mod tests {
         }
         let flat = BoundingBox { min: DVec3::ONE, max: DVec3::ONE };
         assert!(Frame::of(&flat).scale.is_finite());
+    }
+
+    #[test]
+    fn boxes_keep_planes_that_single_precision_has() {
+        let one_third = 1.0 / 3.0;
+        assert_eq!([0.375, -0.375, 0.0].map(at_least), [0.375, -0.375, 0.0]);
+        for value in [one_third, -one_third, 0.1, -0.1, 1.0 + 1e-9, -1.0 - 1e-9, 1e-50, -1e-50] {
+            let rounded = at_least(value);
+            assert!(f64::from(rounded) > value && f64::from(rounded.next_down()) < value, "{value}");
+        }
+        let bounds = BoundingBox { min: DVec3::splat(-1.0), max: DVec3::new(1.0, 0.5, 1.0 - 1e-12) };
+        let CullBox { low, high } =
+            Frame::of(&BoundingBox { min: -DVec3::ONE, max: DVec3::ONE }).cull_box(&bounds);
+        // Scaled by a half.
+        assert_eq!((low, high), ([-0.5; 3], [0.5, 0.25, 0.5]));
+        let line = CullBox { low: [0.0; 3], high: [1.0, 0.0, 0.0] };
+        assert!(line.half_area() > 0.0, "of two lines the longer counts more");
+        let empty = CullBox { low: [1.0; 3], high: [0.0; 3] };
+        assert!(empty.half_area() <= 0.0);
     }
 
     #[test]

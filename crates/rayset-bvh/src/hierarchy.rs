@@ -17,7 +17,7 @@ use crate::fans::fan_len;
 use crate::few::{BLOCK, Few, OfFew};
 use crate::frame::Frame;
 use crate::node::Tree;
-use crate::ray::{Copies, CullRays};
+use crate::ray::{Copies, CullRays, Targets};
 use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Shapes, Traced};
 use crate::traverse::{AtRoot, Begin, Stack, Steps, Visitor, is_stopped, traverse};
 use crate::{HitOrNone, Query, RayColumns};
@@ -239,6 +239,9 @@ fn weight<const W: usize>(columns: &PrimitiveColumns, kind: PrimitiveKind, index
     u8::try_from(weight).expect("a leaf is small")
 }
 
+/// Where at least one primitive of so many is flat along an axis, rays look for the faces that they leave.
+const LEAST_FLAT: usize = 8;
+
 /// A tree and its primitives.
 #[derive(Clone, Debug)]
 pub(crate) struct Wide<const W: usize> {
@@ -246,6 +249,8 @@ pub(crate) struct Wide<const W: usize> {
     pub(crate) shapes: Shapes<W>,
     /// All there is, if that is few spheres.
     pub(crate) few: Few,
+    /// Whether many primitives are flat along an axis.
+    pub(crate) has_faces: bool,
 }
 
 impl<const W: usize> Wide<W> {
@@ -257,18 +262,21 @@ impl<const W: usize> Wide<W> {
         };
         let mut references = large_page_vec(items.len());
         references.par_extend(items.par_iter().enumerate().with_min_len(1024).map(reference));
+        let n_flat = references.iter().filter(|reference| reference.is_flat()).count();
+        let has_faces = n_flat > 0 && n_flat >= references.len() / LEAST_FLAT;
         drop_superfluous(&mut references, &superfluous(columns, items));
         let (mut tree, leaves) = build::<W>(&mut references, W);
         let (shapes, leaf_runs) = Shapes::arrange(frame, columns, items, &references, &leaves);
         tree.relabel_leaves(&leaf_runs);
         let few = shapes.few_spheres();
-        Self { tree, shapes, few }
+        Self { tree, shapes, few, has_faces }
     }
 
-    /// Whether a ray needs a shear.
+    /// What rays are tested against.
     #[inline(always)]
-    pub(crate) fn is_flat<C: Content>(&self) -> bool {
-        C::TRIANGLES && (!C::OTHERS || self.shapes.is_flat())
+    pub(crate) fn targets<C: Content>(&self) -> Targets {
+        let are_flat = C::TRIANGLES && (!C::OTHERS || self.shapes.is_flat());
+        Targets { are_flat, have_faces: C::FACES }
     }
 
     /// The least of a ray's hits.
@@ -285,7 +293,7 @@ impl<const W: usize> Wide<W> {
         if self.shapes.is_only(PrimitiveKind::Sphere) {
             self.nearest_alone::<S, OnlySpheres>(simd, frame, ray, span, from, scratch)
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {
-            self.nearest_alone::<S, OnlyTriangles>(simd, frame, ray, span, from, scratch)
+            self.nearest_alone::<S, OnlyTriangles<false>>(simd, frame, ray, span, from, scratch)
         } else {
             self.nearest_alone::<S, Anything>(simd, frame, ray, span, from, scratch)
         }
@@ -303,7 +311,7 @@ impl<const W: usize> Wide<W> {
     ) -> Option<Hit> {
         let copies = Copies::<W>::of(ray, span);
         let (columns, mut departure) = (copies.columns(), self.shapes.departure(from));
-        let rays = CullRays::alone(simd, frame, &columns, self.is_flat::<C>());
+        let rays = CullRays::alone(simd, frame, &columns, self.targets::<C>());
         let cull = rays.ray(0)?;
         let own = self.own_hit::<C>(ray, span, departure, scratch);
         if own.is_some() {
@@ -375,7 +383,7 @@ impl<const W: usize> Wide<W> {
         if self.shapes.is_only(PrimitiveKind::Sphere) {
             self.occluded_alone::<S, OnlySpheres>(simd, frame, ray, span, from, scratch)
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {
-            self.occluded_alone::<S, OnlyTriangles>(simd, frame, ray, span, from, scratch)
+            self.occluded_alone::<S, OnlyTriangles<false>>(simd, frame, ray, span, from, scratch)
         } else {
             self.occluded_alone::<S, Anything>(simd, frame, ray, span, from, scratch)
         }
@@ -393,7 +401,7 @@ impl<const W: usize> Wide<W> {
     ) -> bool {
         let copies = Copies::<W>::of(ray, span);
         let (columns, departure) = (copies.columns(), self.shapes.departure(from));
-        let rays = CullRays::alone(simd, frame, &columns, self.is_flat::<C>());
+        let rays = CullRays::alone(simd, frame, &columns, self.targets::<C>());
         let Some(cull) = rays.ray(0) else { return false };
         if self.own_hit::<C>(ray, span, departure, scratch).is_some() {
             return true;
@@ -440,6 +448,8 @@ struct NearestVisitor<'h, S: Simd, C: Content, const W: usize> {
 }
 
 impl<S: Simd, C: Content, const W: usize> Visitor for NearestVisitor<'_, S, C, W> {
+    const FACES: bool = C::FACES;
+
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
         let Self { shapes, end, nearest, tests, .. } = self;
@@ -460,6 +470,8 @@ struct AnyVisitor<'h, S: Simd, C: Content, const W: usize> {
 }
 
 impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
+    const FACES: bool = C::FACES;
+
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
         // Where all are triangles, what a block is tested with would else be spread over lanes before the traversal, for

@@ -211,7 +211,7 @@ mod tests {
 
     use super::*;
     use crate::frame::Frame;
-    use crate::ray::{Copies, CullRays};
+    use crate::ray::{Copies, CullRays, Targets};
     use crate::triangles::{Rounding, TriangleBlock};
 
     /// How often the single-precision answer contradicts the exact one, and how often it is unsure.
@@ -292,8 +292,12 @@ mod tests {
                 let end =
                     dice.pick([f64::INFINITY, distance, distance * (1.0 + 1e-7), distance * (1.0 - 1e-7)]);
                 let span = Span { start: dice.pick([0.0, distance * (1.0 - 1e-7)]), end };
-                let mut rays =
-                    CullRays::<8>::alone(Scalar, &frame, &Copies::<8>::of(&ray, span).columns(), true);
+                let mut rays = CullRays::<8>::alone(
+                    Scalar,
+                    &frame,
+                    &Copies::<8>::of(&ray, span).columns(),
+                    Targets::FLAT,
+                );
                 rays.unit = rays.unit.map(|unit| unit * self.factor);
                 let Some(cull) = rays.ray(0) else {
                     tally.lost += 1;

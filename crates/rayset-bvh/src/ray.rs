@@ -5,6 +5,7 @@ use rayset_geometry::{Ray, Span};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::columns::RayColumns;
+use crate::faces::{Beginning, lost};
 use crate::frame::{Frame, round_up};
 use crate::interval::SpanLanes;
 use crate::packet::narrow;
@@ -40,6 +41,21 @@ pub(crate) const LEAST_COMPONENT: f32 = 1e-18;
 const SHEAR_AXES: [[[usize; 3]; 2]; 3] =
     [[[1, 2, 0], [2, 1, 0]], [[2, 0, 1], [0, 2, 1]], [[0, 1, 2], [1, 0, 2]]];
 
+/// What rays will be tested against.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Targets {
+    /// Flat shapes, for which they are sheared.
+    pub(crate) are_flat: bool,
+    /// Boxes of which many are flat along an axis, so that it is worth finding the faces that rays leave behind.
+    pub(crate) have_faces: bool,
+}
+
+#[cfg(test)]
+impl Targets {
+    /// Flat shapes, of whose faces nothing is asked.
+    pub(crate) const FLAT: Self = Self { are_flat: true, have_faces: false };
+}
+
 /// As many rays as there are lanes, prepared for culling, which only discards what the `f64` rays cannot hit.
 ///
 /// They are prepared together, since that takes as long as preparing one, and traced one by one.
@@ -51,6 +67,11 @@ pub(crate) struct CullRays<const W: usize> {
     /// What is added to the distance of a near or far plane.
     near_offset: [[f32; W]; 3],
     far_offset: [[f32; W]; 3],
+    /// Of the face that each leaves behind, the axis across, the sense in which it does, 0 if there is none, and the
+    /// coordinate times that.
+    face_axis: [f32; W],
+    face_sense: [f32; W],
+    face_place: [f32; W],
     /// The origins in culling space, moved along the rays if they were far off, and the directions; rounded.
     origin: [[f32; W]; 3],
     direction: [[f32; W]; 3],
@@ -147,7 +168,7 @@ struct Approached<const W: usize> {
 /// How far the `f64` hit may be off, by the largest coordinate of the origin as it was: it grows with that, and with
 /// those of the scene.
 #[inline(always)]
-fn hit_slack<S: Simd>(simd: S, frame: &Frame, size: S::F32) -> S::F32 {
+pub(crate) fn hit_slack<S: Simd>(simd: S, frame: &Frame, size: S::F32) -> S::F32 {
     #![expect(clippy::cast_possible_truncation, reason = "the margin makes up for the rounding")]
     let least = HIT_MARGIN * (2.0 * frame.remoteness + 1.0);
     size * simd.splat_f32((2.0 * HIT_MARGIN) as f32) + simd.splat_f32(least as f32)
@@ -173,6 +194,9 @@ impl<const W: usize> CullRays<W> {
         inverse: [[0.0; W]; 3],
         near_offset: [[0.0; W]; 3],
         far_offset: [[0.0; W]; 3],
+        face_axis: [0.0; W],
+        face_sense: [0.0; W],
+        face_place: [0.0; W],
         origin: [[0.0; W]; 3],
         direction: [[0.0; W]; 3],
         factors: [[0.0; W]; 3],
@@ -190,7 +214,7 @@ impl<const W: usize> CullRays<W> {
         lost: u32::MAX,
     };
 
-    /// Prepares the rays of columns from `first` on, 1 to `W` of them; with a shear if flat shapes will be tested.
+    /// Prepares the rays of columns from `first` on, 1 to `W` of them.
     #[inline(always)]
     pub(crate) fn prepare<S: Simd>(
         &mut self,
@@ -198,7 +222,7 @@ impl<const W: usize> CullRays<W> {
         frame: &Frame,
         rays: &RayColumns<'_>,
         place: (usize, usize),
-        is_flat: bool,
+        targets: Targets,
     ) {
         let (zero, one) = (simd.splat_f32(0.0), simd.splat_f32(1.0));
         let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
@@ -239,7 +263,8 @@ impl<const W: usize> CullRays<W> {
         let rounding = |value: S::F32| {
             value.abs() * simd.splat_f32(1.0 / 4_194_304.0) + simd.splat_f32(f32::MIN_POSITIVE)
         };
-        (start - rounding(start)).store(&mut self.start);
+        let begin = start - rounding(start);
+        begin.store(&mut self.start);
         (start + rounding(start)).store(&mut self.start_above);
         let last = end.min(simd.splat_f32(LAST));
         (last - rounding(last)).store(&mut self.end_below);
@@ -260,9 +285,47 @@ impl<const W: usize> CullRays<W> {
             self.turned[k] = is_turned.bits();
             inverses[k] = inverse;
         }
-        if is_flat {
+        if targets.are_flat {
             self.shear(simd, origin, direction, inverses);
         }
+        if !targets.have_faces {
+            return;
+        }
+        zero.store(&mut self.face_sense);
+        // Initial rays leave nothing.
+        if begin.gt(zero).any() {
+            self.find_faces(simd, frame, rays, place, (begin, origin, direction, hit_slack));
+        }
+    }
+
+    /// Finds the faces that the rays leave behind: of several, the one that is farthest behind.
+    #[inline(always)]
+    fn find_faces<S: Simd>(
+        &mut self,
+        simd: S,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        place: (usize, usize),
+        (begin, origin, direction, hit_slack): (S::F32, [S::F32; 3], [S::F32; 3], S::F32),
+    ) {
+        let (zero, one) = (simd.splat_f32(0.0), simd.splat_f32(1.0));
+        let (mut axis, mut sense, mut face, mut farthest) = (zero, zero, zero, zero);
+        let mut number = zero;
+        for k in 0..3 {
+            let lost = lost::<S, W>(simd, frame, k, rays.origins[k], place);
+            let (is_passed, past) =
+                Beginning::<S> { lost, start: begin, direction: direction[k], hit_slack }.passed(simd);
+            let is_farther = is_passed & past.gt(farthest);
+            farthest = past.select(is_farther, farthest);
+            axis = number.select(is_farther, axis);
+            let towards = (-one).select(direction[k].lt(zero), one);
+            sense = towards.select(is_farther, sense);
+            face = (towards * origin[k]).select(is_farther, face);
+            number = number + one;
+        }
+        axis.store(&mut self.face_axis);
+        sense.store(&mut self.face_sense);
+        face.store(&mut self.face_place);
     }
 
     /// Shears along the largest component of each direction.
@@ -398,9 +461,9 @@ impl<const W: usize> CullRays<W> {
 
     /// Prepares one ray, of which there are as many copies as lanes.
     #[inline(always)]
-    pub(crate) fn alone<S: Simd>(simd: S, frame: &Frame, copies: &RayColumns<'_>, is_flat: bool) -> Self {
+    pub(crate) fn alone<S: Simd>(simd: S, frame: &Frame, copies: &RayColumns<'_>, targets: Targets) -> Self {
         let mut rays = Self::NONE;
-        rays.prepare(simd, frame, copies, (0, W), is_flat);
+        rays.prepare(simd, frame, copies, (0, W), targets);
         rays
     }
 }
@@ -453,7 +516,7 @@ mod tests {
 
     /// A ray prepared by itself.
     fn alone(frame: &Frame, ray: &Ray, span: Span) -> CullRays<8> {
-        CullRays::alone(Scalar, frame, &Copies::<8>::of(ray, span).columns(), true)
+        CullRays::alone(Scalar, frame, &Copies::<8>::of(ray, span).columns(), Targets::FLAT)
     }
 
     /// How many rays that touch a box exactly are said to miss it, if planes are moved by `factor` of the margin.
@@ -552,7 +615,7 @@ mod tests {
         let mut prepared = CullRays::<8>::NONE;
         let (mut first, mut lost) = (0, 0);
         for len in [8, 1, 5, 8, 1] {
-            prepared.prepare(Scalar, &frame, &columns, (first, len), true);
+            prepared.prepare(Scalar, &frame, &columns, (first, len), Targets::FLAT);
             for lane in 0..len {
                 let (ray, span) = rays[first + lane];
                 let alone = alone(&frame, &ray, span);

@@ -3,12 +3,16 @@
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::descent::Pending;
+use crate::faces::Face;
 use crate::interval::splat;
 use crate::node::{Child, Node, Tree};
 use crate::ray::CullRay;
 
 /// What a traversal asks of the leaves.
 pub(crate) trait Visitor {
+    /// Whether rays may leave faces behind.
+    const FACES: bool;
+
     /// Tests a leaf; the new end of the span in culling space, or `None` to stop.
     fn leaf(&mut self, leaf: usize) -> Option<f32>;
 }
@@ -82,15 +86,20 @@ struct BoxRay<S: Simd> {
     near_offset: [S::F32; 3],
     far_offset: [S::F32; 3],
     start: S::F32,
+    face: Option<Face<S>>,
 }
 
 impl<S: Simd> BoxRay<S> {
     #[inline(always)]
-    fn new<const W: usize>(simd: S, ray: CullRay<'_, W>) -> Self {
+    fn new<const W: usize>(simd: S, ray: CullRay<'_, W>, faces: bool) -> Self {
         let ([near_planes, far_planes], [near_offset, far_offset]) = (ray.planes(), ray.offsets());
         // Known here, so that no load has to ask.
         assert!(near_planes[0].max(near_planes[1]).max(near_planes[2]) < 6, "a node has six planes");
         assert!(far_planes[0].max(far_planes[1]).max(far_planes[2]) < 6, "a node has six planes");
+        let mut face = None;
+        if faces && let Some((axis, sense, place)) = ray.face() {
+            face = Some(Face::new(simd, far_planes[axis], [sense, place]));
+        }
         Self {
             near_planes,
             far_planes,
@@ -98,12 +107,13 @@ impl<S: Simd> BoxRay<S> {
             near_offset: splat(simd, near_offset),
             far_offset: splat(simd, far_offset),
             start: simd.splat_f32(ray.start()),
+            face,
         }
     }
 
-    /// Where the ray enters and leaves the boxes of a node.
+    /// The boxes of a node that the ray enters, a bit each, and where.
     #[inline(always)]
-    fn test<const W: usize>(&self, simd: S, node: &Node<W>, ends: S::F32) -> [S::F32; 2] {
+    fn test<const W: usize>(&self, simd: S, node: &Node<W>, ends: S::F32) -> (u32, S::F32) {
         let ([ix, iy, iz], [nx, ny, nz], [fx, fy, fz]) = (self.inverse, self.near_offset, self.far_offset);
         let [near_x, near_y, near_z] = load(simd, node, self.near_planes);
         let [far_x, far_y, far_z] = load(simd, node, self.far_planes);
@@ -112,7 +122,11 @@ impl<S: Simd> BoxRay<S> {
         let (near_z, far_z) = (near_z.mul_add(iz, nz), far_z.mul_add(iz, fz));
         let near = near_x.max(near_y).max(near_z.max(self.start));
         let far = far_x.min(far_y).min(far_z.min(ends));
-        [near, far]
+        let mut entered = near.le(far);
+        if let Some(face) = self.face {
+            entered = entered & face.ahead(simd, &node.planes);
+        }
+        (entered.bits(), near)
     }
 }
 
@@ -126,8 +140,7 @@ fn enter<S: Simd, const W: usize>(
     stack: &mut [u64],
     height: &mut usize,
 ) -> Option<Child> {
-    let [near, far] = ray.test(simd, node, ends);
-    let bits = near.le(far).bits();
+    let (bits, near) = ray.test(simd, node, ends);
     if bits == 0 {
         return None;
     }
@@ -209,7 +222,7 @@ fn next(stack: &[u64], height: &mut usize, end_bits: u32) -> Option<Child> {
 /// Visits the leaves whose boxes the ray may meet, the nearest first as far as boxes tell.
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "a ray, what it is traced with, and what is done on the way")]
-pub(crate) fn traverse<S: Simd, const W: usize>(
+pub(crate) fn traverse<S: Simd, V: Visitor, const W: usize>(
     simd: S,
     tree: &Tree<W>,
     begin: &impl Begin<W>,
@@ -217,10 +230,10 @@ pub(crate) fn traverse<S: Simd, const W: usize>(
     ray: CullRay<'_, W>,
     end: f32,
     steps: &mut Steps,
-    visitor: &mut impl Visitor,
+    visitor: &mut V,
 ) {
     assert!(S::F32::LANES == W, "a node is as wide as the lanes");
-    let ray = BoxRay::new(simd, ray);
+    let ray = BoxRay::new(simd, ray, V::FACES);
     let mut ends = simd.splat_f32(end);
     let mut end_bits = end.max(0.0).to_bits();
     let stack = stack.entries.as_mut_slice();
@@ -264,8 +277,7 @@ fn enter_any<S: Simd, const W: usize>(
     stack: &mut [u32],
     height: &mut usize,
 ) -> Option<Child> {
-    let [near, far] = ray.test(simd, node, ends);
-    let bits = near.le(far).bits();
+    let (bits, _) = ray.test(simd, node, ends);
     if bits == 0 { None } else { Some(put_all(simd, node, bits, stack, height)) }
 }
 
@@ -289,7 +301,7 @@ pub(crate) fn put_all<S: Simd, const W: usize>(
 /// What is met is put on the stack all at once: without an order there is no number of children to guess.
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "as above")]
-pub(crate) fn is_stopped<S: Simd, const W: usize>(
+pub(crate) fn is_stopped<S: Simd, V: Visitor, const W: usize>(
     simd: S,
     tree: &Tree<W>,
     begin: &impl Begin<W>,
@@ -297,10 +309,10 @@ pub(crate) fn is_stopped<S: Simd, const W: usize>(
     ray: CullRay<'_, W>,
     end: f32,
     steps: &mut Steps,
-    visitor: &mut impl Visitor,
+    visitor: &mut V,
 ) -> bool {
     assert!(S::F32::LANES == W, "a node is as wide as the lanes");
-    let (ray, ends) = (BoxRay::new(simd, ray), simd.splat_f32(end));
+    let (ray, ends) = (BoxRay::new(simd, ray, V::FACES), simd.splat_f32(end));
     let stack = stack.children.as_mut_slice();
     let mut height = 0;
     let mut current = begin.any(simd, tree, stack, &mut height);
@@ -355,8 +367,8 @@ pub(crate) fn children_of<S: Simd, const W: usize>(
     ray: CullRay<'_, W>,
     end: f32,
 ) -> (u32, [f32; W]) {
-    let [near, far] = BoxRay::new(simd, ray).test(simd, node, simd.splat_f32(end));
+    let (bits, near) = BoxRay::new(simd, ray, true).test(simd, node, simd.splat_f32(end));
     let mut distances = [0.0; W];
     near.store(&mut distances);
-    (near.le(far).bits(), distances)
+    (bits, distances)
 }

@@ -202,6 +202,13 @@ pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// If there are fewer.
     #[must_use]
     fn narrow_f32(self, values: &[f64], offset: f64, scale: f64) -> Self::F32;
+    /// What each value loses by [`Simd::narrow_f32`], itself rounded to single precision: what it was, less what it is.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer.
+    #[must_use]
+    fn narrowing_f32(self, values: &[f64], offset: f64, scale: f64) -> Self::F32;
     /// The lanes of `F32` whose value is `wanted`.
     ///
     /// # Panics

@@ -244,6 +244,15 @@ impl Simd for Portable {
         F32x8(from_fn(|i| ((values[i] - offset) * scale) as f32))
     }
     #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "rounded to single precision")]
+    fn narrowing_f32(self, values: &[f64], offset: f64, scale: f64) -> F32x8 {
+        let values = &values[..8];
+        F32x8(from_fn(|i| {
+            let value = (values[i] - offset) * scale;
+            (value - f64::from(value as f32)) as f32
+        }))
+    }
+    #[inline(always)]
     fn equal_u32(self, values: &[u32], wanted: u32) -> M32x8 {
         let values = &values[..8];
         M32x8::of(|i| values[i] == wanted)

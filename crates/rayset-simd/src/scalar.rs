@@ -121,6 +121,10 @@ impl Simd for Scalar {
         Portable.narrow_f32(values, offset, scale)
     }
     #[inline(always)]
+    fn narrowing_f32(self, values: &[f64], offset: f64, scale: f64) -> F32x8 {
+        Portable.narrowing_f32(values, offset, scale)
+    }
+    #[inline(always)]
     fn equal_u32(self, values: &[u32], wanted: u32) -> M32x8 {
         Portable.equal_u32(values, wanted)
     }

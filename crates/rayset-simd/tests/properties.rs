@@ -134,11 +134,15 @@ impl Kernel for CullingOnly<'_> {
         let wide: [f64; MAX_LANES] =
             std::array::from_fn(|i| f64::from(self.a[i]) + f64::from(self.b[i]) / 3.0);
         let narrowed = simd.narrow_f32(&wide, 0.1, 0.25);
+        let narrowing = simd.narrowing_f32(&wide, 0.1, 0.25);
         let found = simd.equal_u32(&values, values[n - 1]);
         for i in 0..n {
             #[expect(clippy::cast_possible_truncation, reason = "what the lanes do")]
             let expected = ((wide[i] - 0.1) * 0.25) as f32;
             assert_eq!(narrowed.lane(i).to_bits(), expected.to_bits());
+            #[expect(clippy::cast_possible_truncation, reason = "what the lanes do")]
+            let lost = ((wide[i] - 0.1) * 0.25 - f64::from(expected)) as f32;
+            assert_eq!(narrowing.lane(i).to_bits(), lost.to_bits());
             assert_eq!(found.bits() >> i & 1 == 1, values[i] == values[n - 1]);
         }
     }

@@ -31,6 +31,17 @@ impl<const W: usize> CullRay<'_, W> {
         [self.of(&self.rays.near_offset), self.of(&self.rays.far_offset)]
     }
 
+    /// The face that it leaves behind, if there is one: the axis across, the sense in which it goes along that, and the
+    /// coordinate times the sense.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0, 1 or 2")]
+    pub(crate) fn face(self) -> Option<(usize, f32, f32)> {
+        let CullRays { face_axis, face_sense, face_place, .. } = self.rays;
+        let lane = self.lane % W;
+        let axis = (face_axis[lane] as usize).min(2);
+        (face_sense[lane].abs() > 0.0).then_some((axis, face_sense[lane], face_place[lane]))
+    }
+
     /// Which of a node's six planes are near, and far.
     #[inline(always)]
     pub(crate) fn planes(self) -> [[usize; 3]; 2] {

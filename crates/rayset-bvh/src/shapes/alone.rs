@@ -18,12 +18,14 @@ pub(crate) trait Content {
     const TRIANGLES: bool;
     /// Polygons and cones.
     const OTHERS: bool;
+    /// Whether rays look for the faces that they leave behind.
+    const FACES: bool;
 }
 
 /// Spheres alone.
 pub(crate) struct OnlySpheres;
-/// Triangles alone.
-pub(crate) struct OnlyTriangles;
+/// Triangles alone: with `FACES`, many in planes across an axis.
+pub(crate) struct OnlyTriangles<const FACES: bool>;
 /// Anything.
 pub(crate) struct Anything;
 
@@ -31,18 +33,21 @@ impl Content for OnlySpheres {
     const SPHERES: bool = true;
     const TRIANGLES: bool = false;
     const OTHERS: bool = false;
+    const FACES: bool = false;
 }
 
-impl Content for OnlyTriangles {
+impl<const FACES: bool> Content for OnlyTriangles<FACES> {
     const SPHERES: bool = false;
     const TRIANGLES: bool = true;
     const OTHERS: bool = false;
+    const FACES: bool = FACES;
 }
 
 impl Content for Anything {
     const SPHERES: bool = true;
     const TRIANGLES: bool = true;
     const OTHERS: bool = true;
+    const FACES: bool = false;
 }
 
 /// A ray on its way.

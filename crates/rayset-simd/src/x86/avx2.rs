@@ -302,6 +302,20 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn narrowing_f32(self, values: &[f64], offset: f64, scale: f64) -> Avx2F32 {
+        let values = &values[..8];
+        // SAFETY: the slice holds two registers.
+        Avx2F32(unsafe {
+            let (offset, scale) = (_mm256_set1_pd(offset), _mm256_set1_pd(scale));
+            let low = _mm256_mul_pd(_mm256_sub_pd(_mm256_loadu_pd(values.as_ptr()), offset), scale);
+            let high = _mm256_mul_pd(_mm256_sub_pd(_mm256_loadu_pd(values.as_ptr().add(4)), offset), scale);
+            let low = _mm256_sub_pd(low, _mm256_cvtps_pd(_mm256_cvtpd_ps(low)));
+            let high = _mm256_sub_pd(high, _mm256_cvtps_pd(_mm256_cvtpd_ps(high)));
+            _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low))
+        })
+    }
+
+    #[inline(always)]
     fn equal_u32(self, values: &[u32], wanted: u32) -> Avx2M32 {
         let values = &values[..8];
         // SAFETY: the slice holds a register.

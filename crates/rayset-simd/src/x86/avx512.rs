@@ -208,6 +208,21 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn narrowing_f32(self, values: &[f64], offset: f64, scale: f64) -> Avx512F32 {
+        let values = &values[..16];
+        // SAFETY: the slice holds two registers.
+        Avx512F32(unsafe {
+            let (offset, scale) = (_mm512_set1_pd(offset), _mm512_set1_pd(scale));
+            let low = _mm512_mul_pd(_mm512_sub_pd(_mm512_loadu_pd(values.as_ptr()), offset), scale);
+            let high = _mm512_mul_pd(_mm512_sub_pd(_mm512_loadu_pd(values.as_ptr().add(8)), offset), scale);
+            let low = _mm512_sub_pd(low, _mm512_cvtps_pd(_mm512_cvtpd_ps(low)));
+            let high = _mm512_sub_pd(high, _mm512_cvtps_pd(_mm512_cvtpd_ps(high)));
+            let low = _mm512_castps256_ps512(_mm512_cvtpd_ps(low));
+            _mm512_insertf32x8::<1>(low, _mm512_cvtpd_ps(high))
+        })
+    }
+
+    #[inline(always)]
     fn equal_u32(self, values: &[u32], wanted: u32) -> Avx512M32 {
         let values = &values[..16];
         // SAFETY: the slice holds a register.
