@@ -121,7 +121,9 @@ mod tests {
             for _ in 0..20_000 {
                 let sense = if number() < 0.5 { 1.0 } else { -1.0 };
                 let plane = f64::from((2.0 * number() - 1.0) as f32);
-                let off = 0.3 * slack * (2.0 * number() - 1.0);
+                // Near enough, or not.
+                let farthest = if number() < 0.5 { 0.3 } else { 5.0 };
+                let off = farthest * slack * (2.0 * number() - 1.0);
                 let hit = plane + slack * (2.0 * number() - 1.0);
                 let direction = sense * (0.01 + 0.98 * number());
                 let start = 4.0 * slack * number() / f64::abs(direction);
@@ -152,7 +154,7 @@ mod tests {
     fn face_margin_is_needed() {
         for &backend in Backend::available() {
             let (lost, behind) = backend.run(Leaving { factor: 1.0 });
-            assert!(lost == 0 && behind > 5000, "{backend}: {lost}, {behind}");
+            assert!(lost == 0 && behind > 4000, "{backend}: {lost}, {behind}");
             let (lost, _) = backend.run(Leaving { factor: 0.0 });
             assert!(lost > 1000, "{backend}: {lost}");
         }

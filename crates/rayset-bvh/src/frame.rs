@@ -118,16 +118,18 @@ mod tests {
     #[test]
     fn boxes_keep_planes_that_single_precision_has() {
         let one_third = 1.0 / 3.0;
-        assert_eq!([0.375, -0.375, 0.0].map(at_least), [0.375, -0.375, 0.0]);
+        for value in [0.375_f32, -0.375, 0.0] {
+            assert_eq!(at_least(value.into()).to_bits(), value.to_bits());
+        }
         for value in [one_third, -one_third, 0.1, -0.1, 1.0 + 1e-9, -1.0 - 1e-9, 1e-50, -1e-50] {
             let rounded = at_least(value);
             assert!(f64::from(rounded) > value && f64::from(rounded.next_down()) < value, "{value}");
         }
         let bounds = BoundingBox { min: DVec3::splat(-1.0), max: DVec3::new(1.0, 0.5, 1.0 - 1e-12) };
-        let CullBox { low, high } =
-            Frame::of(&BoundingBox { min: -DVec3::ONE, max: DVec3::ONE }).cull_box(&bounds);
+        let frame = Frame::of(&BoundingBox { min: -DVec3::ONE, max: DVec3::ONE });
         // Scaled by a half.
-        assert_eq!((low, high), ([-0.5; 3], [0.5, 0.25, 0.5]));
+        let expected = CullBox { low: [-0.5; 3], high: [0.5, 0.25, 0.5] };
+        assert_eq!(frame.cull_box(&bounds), expected);
         let line = CullBox { low: [0.0; 3], high: [1.0, 0.0, 0.0] };
         assert!(line.half_area() > 0.0, "of two lines the longer counts more");
         let empty = CullBox { low: [1.0; 3], high: [0.0; 3] };

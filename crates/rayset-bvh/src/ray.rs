@@ -294,7 +294,7 @@ impl<const W: usize> CullRays<W> {
         zero.store(&mut self.face_sense);
         // Initial rays leave nothing.
         if begin.gt(zero).any() {
-            self.find_faces(simd, frame, rays, place, (begin, origin, direction, hit_slack));
+            self.find_faces(simd, frame, rays, place, [origin, direction], [begin, hit_slack]);
         }
     }
 
@@ -306,7 +306,8 @@ impl<const W: usize> CullRays<W> {
         frame: &Frame,
         rays: &RayColumns<'_>,
         place: (usize, usize),
-        (begin, origin, direction, hit_slack): (S::F32, [S::F32; 3], [S::F32; 3], S::F32),
+        [origin, direction]: [[S::F32; 3]; 2],
+        [begin, hit_slack]: [S::F32; 2],
     ) {
         let (zero, one) = (simd.splat_f32(0.0), simd.splat_f32(1.0));
         let (mut axis, mut sense, mut face, mut farthest) = (zero, zero, zero, zero);
