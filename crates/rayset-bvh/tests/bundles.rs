@@ -29,6 +29,16 @@ impl List {
         self.left.push(left);
     }
 
+    /// Its columns, and what each ray leaves.
+    fn columns<'a>(&'a self, left: &'a [Left]) -> RayColumns<'a> {
+        RayColumns {
+            origins: [&self.origins[0], &self.origins[1], &self.origins[2]],
+            directions: [&self.directions[0], &self.directions[1], &self.directions[2]],
+            spans: (&self.starts, &self.ends),
+            left,
+        }
+    }
+
     fn ray(&self, i: usize) -> (Ray, Span) {
         let at = |columns: &[Vec<f64>; 3]| dvec3(columns[0][i], columns[1][i], columns[2][i]);
         (Ray::new(at(&self.origins), at(&self.directions)), Span { start: self.starts[i], end: self.ends[i] })
@@ -43,12 +53,7 @@ fn cut(n: usize) -> usize {
 fn together(hierarchy: &Hierarchy, list: &List) -> (Vec<Option<Hit>>, Vec<bool>, Bundled) {
     let mut left = Vec::new();
     Left::append(&mut left, &list.left, |&left| left);
-    let rays = RayColumns {
-        origins: [&list.origins[0], &list.origins[1], &list.origins[2]],
-        directions: [&list.directions[0], &list.directions[1], &list.directions[2]],
-        spans: (&list.starts, &list.ends),
-        left: &left,
-    };
+    let rays = list.columns(&left);
     let n = list.left.len();
     // What stands in the places before does not matter.
     let something = HitOrNone { t: 0.0, primitive: 0 };
@@ -396,12 +401,7 @@ fn rays_leave_faces_behind() {
         let mut scratch = hierarchy.scratch();
         let mut left = Vec::new();
         Left::append(&mut left, &list.left, |&left| left);
-        let rays = RayColumns {
-            origins: [&list.origins[0], &list.origins[1], &list.origins[2]],
-            directions: [&list.directions[0], &list.directions[1], &list.directions[2]],
-            spans: (&list.starts, &list.ends),
-            left: &left,
-        };
+        let rays = list.columns(&left);
         let mut occluded = vec![false; list.left.len()];
         hierarchy.occluded_each(&rays, &mut occluded, &mut scratch);
         *steps = scratch.steps.nodes + scratch.steps.leaves;
