@@ -118,7 +118,7 @@ mod tests {
             let mut number = || f64::from(rng.next_u32()) / f64::from(u32::MAX);
             let (mut lost, mut behind) = (0, 0);
             let slack = 1e-13;
-            for _ in 0..20_000 {
+            for _ in 0..60_000 {
                 let sense = if number() < 0.5 { 1.0 } else { -1.0 };
                 let plane = f64::from((2.0 * number() - 1.0) as f32);
                 // Near enough, or not.
@@ -154,9 +154,9 @@ mod tests {
     fn face_margin_is_needed() {
         for &backend in Backend::available() {
             let (lost, behind) = backend.run(Leaving { factor: 1.0 });
-            assert!(lost == 0 && behind > 4000, "{backend}: {lost}, {behind}");
+            assert!(lost == 0 && behind > 5000, "{backend}: {lost}, {behind}");
             let (lost, _) = backend.run(Leaving { factor: 0.0 });
-            assert!(lost > 300, "{backend}: {lost}");
+            assert!(lost > 1000, "{backend}: {lost}");
         }
     }
 }
