@@ -130,8 +130,8 @@ mod tests {
         // Scaled by a half.
         let expected = CullBox { low: [-0.5; 3], high: [0.5, 0.25, 0.5] };
         assert_eq!(frame.cull_box(&bounds), expected);
-        let line = CullBox { low: [0.0; 3], high: [1.0, 0.0, 0.0] };
-        assert!(line.half_area() > 0.0, "of two lines the longer counts more");
+        let [short, long] = [0.5, 1.0].map(|x| CullBox { low: [0.0; 3], high: [x, 0.0, 0.0] }.half_area());
+        assert!(0.0 < short && short < long, "of two lines the longer counts more");
         let empty = CullBox { low: [1.0; 3], high: [0.0; 3] };
         assert!(empty.half_area() <= 0.0);
     }

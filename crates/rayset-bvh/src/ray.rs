@@ -168,7 +168,7 @@ struct Approached<const W: usize> {
 /// How far the `f64` hit may be off, by the largest coordinate of the origin as it was: it grows with that, and with
 /// those of the scene.
 #[inline(always)]
-pub(crate) fn hit_slack<S: Simd>(simd: S, frame: &Frame, size: S::F32) -> S::F32 {
+fn hit_slack<S: Simd>(simd: S, frame: &Frame, size: S::F32) -> S::F32 {
     #![expect(clippy::cast_possible_truncation, reason = "the margin makes up for the rounding")]
     let least = HIT_MARGIN * (2.0 * frame.remoteness + 1.0);
     size * simd.splat_f32((2.0 * HIT_MARGIN) as f32) + simd.splat_f32(least as f32)
