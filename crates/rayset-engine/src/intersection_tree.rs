@@ -5,8 +5,10 @@ use std::ops::Range;
 use rayset_geometry::Side;
 use rayset_geometry::glam::DVec3;
 use rayset_scene::MaterialId;
+use rayset_simd::MAX_LANES;
 
-use crate::lanes::{ROWS, n_blocks};
+use crate::lanes::{ROWS, lengthen, n_blocks};
+use crate::leaving::among;
 use crate::lights::Seen;
 use crate::spawning::Spawning;
 use crate::surfaces::Surfaces;
@@ -145,8 +147,7 @@ impl IntersectionTrees {
             self.levels.push(Level::default());
         }
         let roots = self.roots();
-        roots.restart();
-        roots.rays.clear();
+        roots.clear();
         roots
     }
 
@@ -161,7 +162,7 @@ impl IntersectionTrees {
             self.levels.resize_with(level + 2, Level::default);
         }
         let (before, next) = self.levels.split_at_mut(level + 1);
-        next[0].restart();
+        next[0].clear();
         (&mut before[level], &mut next[0])
     }
 
@@ -172,12 +173,14 @@ impl IntersectionTrees {
 }
 
 /// The rays of one depth of a bundle of trees and what they met, as columns.
+///
+/// Columns that are written in lanes never shrink, and hold anything behind the last ray.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Level {
     pub(crate) rays: Generation,
     /// Where the rays of each slot stand.
     pub(crate) runs: Vec<Run>,
-    /// The greatest share of each ray's intensity that reaches the pixel.
+    /// The greatest share of each ray's intensity that reaches the pixel, with room for lanes beyond.
     pub(crate) weights: Vec<f64>,
     /// The row, of the level before, whose hit each ray leaves; none for initial rays.
     pub(crate) parents: Vec<u32>,
@@ -206,22 +209,37 @@ impl Level {
     }
 
     /// Removes all rays and keeps the memory.
-    fn restart(&mut self) {
-        self.rays.restart();
+    fn clear(&mut self) {
+        self.rays.clear();
         self.runs.clear();
-        self.weights.clear();
-        self.parents.clear();
         self.answers.clear();
         self.is_spawning = false;
     }
 
+    /// Makes room for so many rays, and for lanes beyond.
+    pub(crate) fn make_room(&mut self, n: usize) {
+        self.rays.make_room(n);
+        lengthen(&mut self.weights, n + MAX_LANES, 1.0);
+    }
+
     /// Makes room for what is seen from the hits.
-    pub(crate) fn make_room(&mut self, n_lights: usize) {
+    pub(crate) fn make_room_for_hits(&mut self, n_lights: usize) {
         let n = n_blocks(self.len());
         self.n_lights = n_lights;
-        self.surfaces.resize(n, Surfaces::default());
-        self.lights.resize(n * n_lights, Seen::default());
-        self.spawning.resize(n, Spawning::default());
+        lengthen(&mut self.surfaces, n, Surfaces::default());
+        lengthen(&mut self.lights, n * n_lights, Seen::default());
+        lengthen(&mut self.spawning, n, Spawning::default());
+    }
+
+    /// The surfaces at the hits, in blocks.
+    pub(crate) fn surfaces(&self) -> &[Surfaces] {
+        &self.surfaces[..n_blocks(self.len())]
+    }
+
+    /// How many of some rows have hits, once it is known what is seen from them.
+    pub(crate) fn n_hits(&self, rows: &Range<usize>) -> u64 {
+        let blocks = rows.start / ROWS..n_blocks(rows.end);
+        blocks.map(|block| u64::from((self.surfaces[block].hit & among(rows, block)).count_ones())).sum()
     }
 
     /// What rays leave that leave the hit in a row.

@@ -36,23 +36,18 @@ pub(crate) fn put([xs, ys, zs]: &mut Vectors, row: usize, vector: DVec3) {
     (xs[row], ys[row], zs[row]) = vector.into();
 }
 
-/// The numbers of a column from a row on; after the last, anything.
+/// Makes a column at least so long; none shrinks.
 #[inline(always)]
-pub(crate) fn tail<S: Simd>(simd: S, values: &[f64], row: usize) -> S::F64 {
-    let values = &values[row..];
-    if values.len() >= S::F64::LANES {
-        return simd.load_f64(values);
+pub(crate) fn lengthen<T: Clone>(column: &mut Vec<T>, n: usize, value: T) {
+    if column.len() < n {
+        column.resize(n, value);
     }
-    // Of a length, so that nobody stops to find that it has none.
-    let mut padded = [1.0; MAX_LANES];
-    padded[..values.len()].copy_from_slice(values);
-    simd.load_f64(&padded)
 }
 
-/// The vectors of columns from a row on; after the last, anything.
+/// The vectors of columns, which have room for lanes beyond, from a row on.
 #[inline(always)]
-pub(crate) fn tail3<S: Simd>(simd: S, [x, y, z]: &[Vec<f64>; 3], row: usize) -> [S::F64; 3] {
-    [tail(simd, x, row), tail(simd, y, row), tail(simd, z, row)]
+pub(crate) fn column3<S: Simd>(simd: S, [x, y, z]: &[Vec<f64>; 3], row: usize) -> [S::F64; 3] {
+    [simd.load_f64(&x[row..]), simd.load_f64(&y[row..]), simd.load_f64(&z[row..])]
 }
 
 /// The numbers of a block from a row on.

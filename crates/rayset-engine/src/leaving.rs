@@ -2,12 +2,11 @@
 
 use std::ops::Range;
 
-use rayset_geometry::Side;
 use rayset_scene::LightId;
 use rayset_simd::{Kernel, LaneMask, Lanes, MAX_LANES, Simd};
 
 use crate::intersection_tree::{Level, Run};
-use crate::lanes::{Numbers, ROWS, Vectors, load, load3, n_blocks, place};
+use crate::lanes::{Numbers, ROWS, Vectors, lengthen, load, load3, n_blocks, place};
 use crate::lights::LEAST_COSINE;
 use crate::spawning::{LEAST_WEIGHT, Spawning};
 use crate::{Generation, Originating, ShadowGeneration, Slot};
@@ -29,7 +28,8 @@ impl Kernel for LightRays<'_> {
     fn run<S: Simd>(self, simd: S) {
         let Self { level, n_facing, shadow, rows } = self;
         let rays = &mut shadow.rays;
-        make_room(rays, rows, n_facing);
+        rays.make_room(n_facing);
+        lengthen(rows, n_facing + MAX_LANES, 0);
         let mut n = 0;
         for Run { slot, rows: of_slot } in &level.runs {
             for light in 0..level.n_lights {
@@ -42,13 +42,12 @@ impl Kernel for LightRays<'_> {
                     }
                 };
                 let end = gather(simd, level, of_slot.clone(), LEAST_COSINE, of_block, rays, rows, n);
-                rays.slots.resize(end, *slot);
+                fill_in(rays, &rows[n..end], level, *slot, false);
                 let light = LightId(u32::try_from(light).expect("fewer than 2^32 lights"));
                 shadow.lights.resize(end, light);
                 n = end;
             }
         }
-        finish(rays, rows, level, n, |_, side| side);
     }
 }
 
@@ -65,8 +64,10 @@ impl Kernel for Children<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Self { level, n_sent, next: Level { rays, runs, weights, parents, .. } } = self;
-        make_room(rays, parents, n_sent);
+        let Self { level, n_sent, next } = self;
+        next.make_room(n_sent);
+        let Level { rays, runs, weights, parents, .. } = next;
+        lengthen(parents, n_sent + MAX_LANES, 0);
         let mut n = 0;
         for Run { slot, rows } in &level.runs {
             for is_refracted in [false, true] {
@@ -80,16 +81,16 @@ impl Kernel for Children<'_> {
                     continue;
                 }
                 let slot = if is_refracted { slot.refracted() } else { slot.reflected() };
-                rays.slots.resize(end, slot);
-                weights.extend(parents[n..end].iter().map(|&row| {
+                fill_in(rays, &parents[n..end], level, slot, is_refracted);
+                for (weight, &row) in weights[n..end].iter_mut().zip(&parents[n..end]) {
                     let (block, row) = place(row as usize);
-                    of_block(block).numbers[row]
-                }));
+                    *weight = of_block(block).numbers[row];
+                }
                 runs.push(Run { slot, rows: n..end });
                 n = end;
             }
         }
-        finish(rays, parents, level, n, |slot, side| if is_refracted(slot) { side.opposite() } else { side });
+        rays.ends[..n].fill(f64::INFINITY);
     }
 }
 
@@ -182,36 +183,15 @@ fn number(row: usize) -> u32 {
     row as u32
 }
 
-/// Makes room for so many rays and the rows that they leave, and for lanes beyond.
-fn make_room(rays: &mut Generation, rows: &mut Vec<u32>, n: usize) {
-    let [ox, oy, oz] = &mut rays.origins;
-    let [dx, dy, dz] = &mut rays.directions;
-    for column in [ox, oy, oz, dx, dy, dz, &mut rays.starts] {
-        column.resize(n + MAX_LANES, 0.0);
-    }
-    rays.ends.resize(n + MAX_LANES, f64::INFINITY);
-    rows.resize(n + MAX_LANES, 0);
-}
-
-/// Cuts the columns to the rays that were gathered, and fills those that need no lanes.
-fn finish(
-    rays: &mut Generation,
-    rows: &mut Vec<u32>,
-    level: &Level,
-    n: usize,
-    side: impl Fn(Slot, Side) -> Side,
-) {
-    let [ox, oy, oz] = &mut rays.origins;
-    let [dx, dy, dz] = &mut rays.directions;
-    for column in [ox, oy, oz, dx, dy, dz, &mut rays.starts, &mut rays.ends] {
-        column.truncate(n);
-    }
-    rows.truncate(n);
+/// Fills in what needs no lanes, of the next rays of a slot: those that leave the hits in some rows, through the surface or to
+/// the side that they came from.
+fn fill_in(rays: &mut Generation, rows: &[u32], level: &Level, slot: Slot, is_refracted: bool) {
+    rays.slots.resize(rays.slots.len() + rows.len(), slot);
+    rays.leaves_anything |= !rows.is_empty();
     let ray_sets = level.rays.ray_sets();
     rays.ray_sets.extend(rows.iter().map(|&row| ray_sets[row as usize]));
-    rays.originating.extend(rows.iter().zip(&rays.slots).map(|(&row, &slot)| {
-        let from = level.originating(row as usize)?;
-        Some(Originating { side: side(slot, from.side), ..from })
+    rays.originating.extend(rows.iter().map(|&row| {
+        let Originating { object, primitive, side } = level.originating(row as usize)?;
+        Some(Originating { object, primitive, side: if is_refracted { side.opposite() } else { side } })
     }));
-    rays.leaves_anything = n > 0;
 }

@@ -3,8 +3,10 @@
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Side, Span};
 use rayset_scene::{LightId, ObjectId, PrimitiveId};
+use rayset_simd::MAX_LANES;
 
 use crate::Work;
+use crate::lanes::lengthen;
 
 /// The greatest depth of a tree: the initial ray has depth 1.
 ///
@@ -155,6 +157,7 @@ impl Hit {
 #[derive(Clone, Debug, Default)]
 pub struct Generation {
     pub(crate) ray_sets: Vec<RaySetIndex>,
+    /// As many as there are rays; the columns of numbers may be longer, and hold anything there.
     pub(crate) slots: Vec<Slot>,
     pub(crate) origins: [Vec<f64>; 3],
     pub(crate) directions: [Vec<f64>; 3],
@@ -180,20 +183,20 @@ impl Generation {
 
     /// The x, y and z of the origins.
     #[must_use]
-    pub fn origins(&self) -> &[Vec<f64>; 3] {
-        &self.origins
+    pub fn origins(&self) -> [&[f64]; 3] {
+        self.origins.each_ref().map(|column| &column[..self.len()])
     }
 
     /// The x, y and z of the unit directions.
     #[must_use]
-    pub fn directions(&self) -> &[Vec<f64>; 3] {
-        &self.directions
+    pub fn directions(&self) -> [&[f64]; 3] {
+        self.directions.each_ref().map(|column| &column[..self.len()])
     }
 
     /// Where each span starts and ends, in world units.
     #[must_use]
     pub fn spans(&self) -> (&[f64], &[f64]) {
-        (&self.starts, &self.ends)
+        (&self.starts[..self.len()], &self.ends[..self.len()])
     }
 
     /// What each ray leaves.
@@ -240,46 +243,52 @@ impl Generation {
     /// Appends a ray.
     #[inline(always)]
     pub fn push(&mut self, query: &RayQuery) {
+        let n = self.len();
         self.ray_sets.push(query.ray_set);
         self.slots.push(query.slot);
         self.originating.push(query.originating);
         self.leaves_anything |= query.originating.is_some();
         let (origin, direction) = (query.ray.origin().to_array(), query.ray.direction().to_array());
         for k in 0..3 {
-            self.origins[k].push(origin[k]);
-            self.directions[k].push(direction[k]);
+            put(&mut self.origins[k], n, origin[k]);
+            put(&mut self.directions[k], n, direction[k]);
         }
-        self.starts.push(query.span.start);
-        self.ends.push(query.span.end);
+        put(&mut self.starts, n, query.span.start);
+        put(&mut self.ends, n, query.span.end);
     }
 
     /// Adds the initial rays of the ray-sets from `first` on.
     pub(crate) fn extend_initial(&mut self, first: RaySetIndex, rays: impl IntoIterator<Item = Ray>) {
+        let mut n = 0;
         for ray in rays {
             for k in 0..3 {
-                self.origins[k].push(ray.origin()[k]);
-                self.directions[k].push(ray.direction()[k]);
+                put(&mut self.origins[k], n, ray.origin()[k]);
+                put(&mut self.directions[k], n, ray.direction()[k]);
             }
+            n += 1;
         }
-        self.finish_initial(first, self.origins[0].len());
+        self.make_room(n);
+        self.finish_initial(first, n);
     }
 
-    /// Fills what is the same for all initial rays, once there are origins and directions of so many.
+    /// Makes room for so many rays, and for lanes beyond.
+    pub(crate) fn make_room(&mut self, n: usize) {
+        let [ox, oy, oz] = &mut self.origins;
+        let [dx, dy, dz] = &mut self.directions;
+        for column in [ox, oy, oz, dx, dy, dz, &mut self.starts, &mut self.ends] {
+            // Of a length, so that nobody stops to find that a direction has none.
+            lengthen(column, n + MAX_LANES, 1.0);
+        }
+    }
+
+    /// Fills what is the same for all initial rays, once there are origins and directions of so many, and room.
     pub(crate) fn finish_initial(&mut self, first: RaySetIndex, n: usize) {
         assert!(u32::try_from(n).is_ok(), "fewer than 2^32 ray-sets");
         self.ray_sets.extend((first.0..).take(n).map(RaySetIndex));
         self.slots.resize(n, Slot::ROOT);
         self.originating.resize(n, None);
-        self.starts.resize(n, Span::FORWARD.start);
-        self.ends.resize(n, Span::FORWARD.end);
-    }
-
-    /// Removes all rays, and leaves what stands in the columns of numbers to be written over.
-    pub(crate) fn restart(&mut self) {
-        self.ray_sets.clear();
-        self.slots.clear();
-        self.originating.clear();
-        self.leaves_anything = false;
+        self.starts[..n].fill(Span::FORWARD.start);
+        self.ends[..n].fill(Span::FORWARD.end);
     }
 
     /// Removes all rays and keeps the memory.
@@ -288,9 +297,15 @@ impl Generation {
         self.slots.clear();
         self.originating.clear();
         self.leaves_anything = false;
-        self.origins.iter_mut().chain(&mut self.directions).for_each(Vec::clear);
-        self.starts.clear();
-        self.ends.clear();
+    }
+}
+
+/// Writes the number of a ray, the next behind those that are there.
+#[inline(always)]
+fn put(column: &mut Vec<f64>, n: usize, number: f64) {
+    match column.get_mut(n) {
+        Some(place) => *place = number,
+        None => column.push(number),
     }
 }
 
@@ -400,12 +415,6 @@ impl ShadowGeneration {
         let ShadowQuery { ray_set, slot, light, originating, ray, span } = *query;
         self.rays.push(&RayQuery { ray_set, slot, originating: Some(originating), ray, span });
         self.lights.push(light);
-    }
-
-    /// Removes all rays, and leaves what stands in the columns of numbers to be written over.
-    pub(crate) fn restart(&mut self) {
-        self.rays.restart();
-        self.lights.clear();
     }
 
     /// Removes all rays and keeps the memory.

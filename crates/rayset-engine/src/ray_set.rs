@@ -7,7 +7,7 @@ use rayset_scene::Scene;
 use rayset_simd::{Backend, Kernel, LaneMask, Lanes, Simd};
 
 use crate::intersection_tree::{Level, Run};
-use crate::lanes::{ROWS, load3, place, tail, tail3};
+use crate::lanes::{ROWS, column3, load3, n_blocks, place};
 use crate::leaving::{Children, LightRays};
 use crate::sampling::EyeRayMaker;
 use crate::{
@@ -158,7 +158,8 @@ impl RaySets {
     ) -> &IntersectionTrees {
         let roots = self.trees.roots();
         let n = roots.len();
-        roots.weights.resize(n, 1.0);
+        roots.make_room(n);
+        roots.weights[..n].fill(1.0);
         roots.runs.push(Run { slot: Slot::ROOT, rows: 0..n });
         self.tallies.clear();
         if tracer.recording() == Recording::PerQuery {
@@ -190,20 +191,20 @@ impl RaySets {
         *strategy_time += start.elapsed();
         assert_eq!(level.answers.values.len(), level.len(), "one answer a query");
         tally(tallies, &level.answers.work, &level.rays, first, false);
-        for Run { slot, rows } in &level.runs {
-            let tally = &mut counts[slot.kind()];
-            tally.cast += rows.len() as u64;
-            tally.hit += level.answers.values[rows.clone()].iter().flatten().count() as u64;
-        }
 
         let backend = *backend;
         let is_last = level.runs.first().is_none_or(|run| run.slot.depth() >= options.max_depth);
         let (n_facing, n_sent) = backend.run(LookRound { scene, level, is_last, cutoff: options.cutoff });
+        for Run { slot, rows } in &level.runs {
+            let tally = &mut counts[slot.kind()];
+            tally.cast += rows.len() as u64;
+            tally.hit += level.n_hits(rows);
+        }
         if n_sent > 0 {
             backend.run(Children { level, n_sent, next });
         }
 
-        shadow.restart();
+        shadow.clear();
         backend.run(LightRays { level, n_facing, shadow, rows: shadow_rows });
         if !shadow.is_empty() {
             occluded.clear();
@@ -240,14 +241,15 @@ impl Kernel for LookRound<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> (usize, usize) {
         let Self { scene, level, is_last, cutoff } = self;
-        level.make_room(scene.lights().len());
+        level.make_room_for_hits(scene.lights().len());
+        let n = n_blocks(level.len());
         let Level { rays, weights, answers, surfaces, lights, n_lights, spawning, is_spawning, .. } = level;
-        for (block, surfaces) in surfaces.iter_mut().enumerate() {
+        for (block, surfaces) in surfaces[..n].iter_mut().enumerate() {
             let (first, hits) = of_block(&answers.values, block);
             for i in 0..hits.len().div_ceil(S::F64::LANES) {
                 let row = i * S::F64::LANES;
-                let origin = tail3(simd, rays.origins(), first + row);
-                let direction = tail3(simd, rays.directions(), first + row);
+                let origin = column3(simd, &rays.origins, first + row);
+                let direction = column3(simd, &rays.directions, first + row);
                 let t = simd.collect_f64(|lane| match hits.get(row + lane) {
                     Some(Some(hit)) => hit.t,
                     _ => 0.0,
@@ -260,7 +262,7 @@ impl Kernel for LookRound<'_> {
         // In a loop of its own: lanes that are read just after they were written one by one wait for the memory.
         let cutoff = simd.splat_f64(cutoff.unwrap_or(f64::NEG_INFINITY));
         let (mut n_facing, mut n_sent) = (0, 0);
-        for (block, surfaces) in surfaces.iter_mut().enumerate() {
+        for (block, surfaces) in surfaces[..n].iter_mut().enumerate() {
             let (first, hits) = of_block(&answers.values, block);
             let seen = &mut lights[block * *n_lights..][..*n_lights];
             let spawning = &mut spawning[block];
@@ -269,7 +271,7 @@ impl Kernel for LookRound<'_> {
                 let row = i * S::F64::LANES;
                 let hit = simd.mask_f64(surfaces.hit >> row);
                 if hit.any() {
-                    let direction = tail3(simd, rays.directions(), first + row);
+                    let direction = column3(simd, &rays.directions, first + row);
                     let normals = surfaces.turn(simd, row, direction, scene, hits);
                     let point = load3(simd, &surfaces.points, row);
                     for (seen, light) in seen.iter_mut().zip(scene.lights()) {
@@ -277,7 +279,7 @@ impl Kernel for LookRound<'_> {
                     }
                     if *is_spawning {
                         spawning.aim(simd, row, direction, normals, surfaces);
-                        let weights = tail(simd, weights, first + row);
+                        let weights = simd.load_f64(&weights[first + row..]);
                         n_sent += spawning.weigh(simd, row, scene, surfaces, (weights, cutoff));
                     }
                 } else {

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayset_geometry::unit_lanes;
 use rayset_scene::{Camera, Color};
-use rayset_simd::{Backend, Kernel, Lanes, MAX_LANES, Simd};
+use rayset_simd::{Backend, Kernel, Lanes, Simd};
 
 use crate::lanes::splat3;
 use crate::{Generation, RaySetIndex};
@@ -66,7 +66,7 @@ impl<'c> EyeRayMaker<'c> {
         }
     }
 
-    /// Adds the rays at some places of the grid, the ray-sets from `first` on, with the bits of [`Camera::ray`].
+    /// Fills in the rays at some places of the grid, the ray-sets from `first` on, with the bits of [`Camera::ray`].
     pub(crate) fn fill(
         &self,
         backend: Backend,
@@ -74,14 +74,14 @@ impl<'c> EyeRayMaker<'c> {
         places: &[(u32, u32)],
         rays: &mut Generation,
     ) {
-        let directions = rays.directions.each_mut().map(|column| {
-            column.resize(places.len() + MAX_LANES, 0.0);
-            &mut column[..]
+        rays.make_room(places.len());
+        backend.run(Aim {
+            maker: self,
+            places,
+            directions: rays.directions.each_mut().map(|column| &mut column[..]),
         });
-        backend.run(Aim { maker: self, places, directions });
-        rays.directions.iter_mut().for_each(|column| column.truncate(places.len()));
         for (column, coordinate) in rays.origins.iter_mut().zip(self.camera.viewpoint().to_array()) {
-            column.resize(places.len(), coordinate);
+            column[..places.len()].fill(coordinate);
         }
         rays.finish_initial(first, places.len());
     }

@@ -5,7 +5,7 @@ use rayset_scene::{Color, Material, Scene};
 use rayset_simd::{Backend, Kernel, LaneMask, Lanes, MAX_LANES, Simd};
 
 use crate::intersection_tree::{Level, Run};
-use crate::lanes::{ROWS, alike, lanes_where, load, load3, n_blocks, select, splat3, tail3};
+use crate::lanes::{ROWS, alike, column3, lanes_where, lengthen, load, load3, n_blocks, select, splat3};
 use crate::leaving::{among, is_refracted};
 use crate::powers::powers;
 use crate::spawning::LEAST_WEIGHT;
@@ -51,7 +51,7 @@ pub fn shade(trees: &IntersectionTrees, scene: &Scene, shading: &mut Shading, ra
     let Shading { backend, levels: colors } = shading;
     for (level, colors) in levels.iter().zip(&mut *colors) {
         let n = ROWS * n_blocks(level.len()) + MAX_LANES;
-        colors.iter_mut().for_each(|column| column.resize(n, 0.0));
+        colors.iter_mut().for_each(|column| lengthen(column, n, 0.0));
         backend.run(Local { scene, level, colors });
     }
     for i in (1..levels.len()).rev() {
@@ -151,7 +151,7 @@ impl Kernel for Local<'_> {
     fn run<S: Simd>(self, simd: S) {
         let Self { scene, level, colors } = self;
         let background = splat3(simd, scene.background());
-        for (block, surfaces) in level.surfaces.iter().enumerate() {
+        for (block, surfaces) in level.surfaces().iter().enumerate() {
             for i in 0..ROWS / S::F64::LANES {
                 let row = i * S::F64::LANES;
                 let mut color = background;
@@ -199,7 +199,7 @@ fn local<S: Simd>(
                 along * normal[1] - direction[1],
                 along * normal[2] - direction[2],
             ];
-            let [dx, dy, dz] = tail3(simd, level.rays.directions(), block * ROWS + row);
+            let [dx, dy, dz] = column3(simd, &level.rays.directions, block * ROWS + row);
             let towards_eye = dot_lanes(mirrored, [-dx, -dy, -dz]);
             let highlights = shines & towards_eye.gt(simd.splat_f64(0.0));
             if highlights.any() {
