@@ -12,7 +12,7 @@ use crate::leaving::among;
 use crate::lights::Seen;
 use crate::spawning::Spawning;
 use crate::surfaces::Surfaces;
-use crate::{Answers, Generation, Hit, Originating, RaySetIndex, Slot};
+use crate::{Answers, Generation, Hit, RaySetIndex, Slot};
 
 /// A ray of a tree and what it met.
 ///
@@ -240,13 +240,6 @@ impl Level {
     pub(crate) fn n_hits(&self, rows: &Range<usize>) -> u64 {
         let blocks = rows.start / ROWS..n_blocks(rows.end);
         blocks.map(|block| u64::from((self.surfaces[block].hit & among(rows, block)).count_ones())).sum()
-    }
-
-    /// What rays leave that leave the hit in a row.
-    #[inline(always)]
-    pub(crate) fn originating(&self, row: usize) -> Option<Originating> {
-        let Hit { object, primitive, .. } = self.answers.values[row]?;
-        Some(Originating { object, primitive, side: self.surfaces[row / ROWS].side(row % ROWS) })
     }
 
     /// How each light is seen from the block of a row.

@@ -9,7 +9,7 @@ use crate::intersection_tree::{Level, Run};
 use crate::lanes::{Numbers, ROWS, Vectors, lengthen, load, load3, n_blocks, place};
 use crate::lights::LEAST_COSINE;
 use crate::spawning::{LEAST_WEIGHT, Spawning};
-use crate::{Generation, Originating, ShadowGeneration, Slot};
+use crate::{Generation, Hit, Originating, ShadowGeneration, Slot};
 
 /// The light rays of a level: slot by slot, and light by light.
 pub(crate) struct LightRays<'a> {
@@ -188,10 +188,12 @@ fn number(row: usize) -> u32 {
 fn fill_in(rays: &mut Generation, rows: &[u32], level: &Level, slot: Slot, is_refracted: bool) {
     rays.slots.resize(rays.slots.len() + rows.len(), slot);
     rays.leaves_anything |= !rows.is_empty();
-    let ray_sets = level.rays.ray_sets();
+    let (ray_sets, hits, surfaces) = (level.rays.ray_sets(), &level.answers.values[..], level.surfaces());
     rays.ray_sets.extend(rows.iter().map(|&row| ray_sets[row as usize]));
     rays.originating.extend(rows.iter().map(|&row| {
-        let Originating { object, primitive, side } = level.originating(row as usize)?;
+        let &Hit { object, primitive, .. } = hits[row as usize].as_ref()?;
+        let (block, row) = place(row as usize);
+        let side = surfaces[block].side(row);
         Some(Originating { object, primitive, side: if is_refracted { side.opposite() } else { side } })
     }));
 }

@@ -212,9 +212,10 @@ impl RaySets {
             tracer.occluded_bundle(shadow, occluded);
             *strategy_time += start.elapsed();
             assert_eq!(occluded.values.len(), shadow.len(), "one answer a query");
+            let (lights, n_lights) = (&mut level.lights[..], level.n_lights);
             for ((&row, light), &is_hidden) in shadow_rows.iter().zip(shadow.lights()).zip(&occluded.values) {
                 let (block, row) = place(row as usize);
-                level.lights[block * level.n_lights + light.index()].hide(row, is_hidden);
+                lights[block * n_lights + light.index()].hide(row, is_hidden);
             }
             counts.shadow.cast += shadow.len() as u64;
             counts.shadow.hit += occluded.values.iter().filter(|is_hidden| **is_hidden).count() as u64;

@@ -27,6 +27,7 @@ pub enum Sides {
 impl Side {
     /// The other side.
     #[must_use]
+    #[inline]
     pub fn opposite(self) -> Self {
         match self {
             Self::Front => Self::Back,

@@ -51,6 +51,7 @@ impl Light {
 
     /// Where a point light is; `None` for a directional one.
     #[must_use]
+    #[inline]
     pub fn position(&self) -> Option<DVec3> {
         match self.place {
             Place::Point(position) => Some(position),
