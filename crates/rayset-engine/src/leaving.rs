@@ -7,7 +7,7 @@ use rayset_simd::{Kernel, LaneMask, Lanes, MAX_LANES, Simd};
 
 use crate::intersection_tree::{Level, Run};
 use crate::lanes::{Numbers, ROWS, Vectors, lengthen, load, load3, n_blocks, place};
-use crate::lights::LEAST_COSINE;
+use crate::lights::{LEAST_COSINE, Seen};
 use crate::spawning::{LEAST_WEIGHT, Spawning};
 use crate::{Generation, Hit, Originating, ShadowGeneration, Slot};
 
@@ -35,13 +35,13 @@ impl Kernel for LightRays<'_> {
             for light in 0..level.n_lights {
                 let of_block = |block: usize| {
                     let seen = &level.lights[block * level.n_lights + light];
-                    Leaving {
-                        numbers: &seen.cosines,
-                        directions: &seen.directions,
-                        distances: Some(&seen.distances),
-                    }
+                    let Seen { cosines, directions, distances } = seen;
+                    Leaving { numbers: cosines, directions, kept: Kept::UpTo(distances) }
                 };
-                let end = gather(simd, level, of_slot.clone(), LEAST_COSINE, of_block, rays, rows, n);
+                let mut ends = std::mem::take(&mut rays.ends);
+                let end =
+                    gather(simd, level, of_slot.clone(), LEAST_COSINE, of_block, (rays, &mut ends), rows, n);
+                rays.ends = ends;
                 fill_in(rays, &rows[n..end], level, *slot, false);
                 let light = LightId(u32::try_from(light).expect("fewer than 2^32 lights"));
                 shadow.lights.resize(end, light);
@@ -74,18 +74,15 @@ impl Kernel for Children<'_> {
                 let of_block = |block: usize| {
                     let sent: &Spawning = &level.spawning[block];
                     let directions = if is_refracted { &sent.refracted } else { &sent.reflected };
-                    Leaving { numbers: sent.weights(is_refracted), directions, distances: None }
+                    Leaving { numbers: sent.weights(is_refracted), directions, kept: Kept::Numbers }
                 };
-                let end = gather(simd, level, rows.clone(), LEAST_WEIGHT, of_block, rays, parents, n);
+                let end =
+                    gather(simd, level, rows.clone(), LEAST_WEIGHT, of_block, (rays, weights), parents, n);
                 if end == n {
                     continue;
                 }
                 let slot = if is_refracted { slot.refracted() } else { slot.reflected() };
                 fill_in(rays, &parents[n..end], level, slot, is_refracted);
-                for (weight, &row) in weights[n..end].iter_mut().zip(&parents[n..end]) {
-                    let (block, row) = place(row as usize);
-                    *weight = of_block(block).numbers[row];
-                }
                 runs.push(Run { slot, rows: n..end });
                 n = end;
             }
@@ -105,12 +102,19 @@ struct Leaving<'a> {
     /// A ray leaves where the number of its row is large enough.
     numbers: &'a Numbers,
     directions: &'a Vectors,
-    /// How far away is what they are sent to, where they are: their spans end there.
-    distances: Option<&'a Numbers>,
+    kept: Kept<'a>,
 }
 
-/// Gathers the rays that leave some rows, those whose number is at least `least`, into columns that have room for them, from
-/// `n` on; returns where they end.
+/// What else is kept of rays that leave.
+enum Kept<'a> {
+    /// The numbers by which they do.
+    Numbers,
+    /// Where their spans end, by how far away it is what they are sent to.
+    UpTo(&'a Numbers),
+}
+
+/// Gathers the rays that leave some rows, those whose number is at least `least`, and what else is kept of them, into columns
+/// that have room for them, from `n` on; returns where they end.
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "a loop of its callers, written once")]
 #[expect(clippy::cast_possible_truncation, reason = "a row of a block")]
@@ -120,13 +124,13 @@ fn gather<'a, S: Simd>(
     rows: Range<usize>,
     least: f64,
     of_block: impl Fn(usize) -> Leaving<'a>,
-    rays: &mut Generation,
+    (rays, kept): (&mut Generation, &mut [f64]),
     places: &mut [u32],
     mut n: usize,
 ) -> usize {
     let least = simd.splat_f64(least);
     for block in rows.start / ROWS..n_blocks(rows.end) {
-        let Leaving { numbers, directions, distances } = of_block(block);
+        let Leaving { numbers, directions, kept: keeps } = of_block(block);
         let surfaces = &level.surfaces[block];
         let mut leaving = 0;
         for i in 0..ROWS / S::F64::LANES {
@@ -160,9 +164,11 @@ fn gather<'a, S: Simd>(
                 direction[k].compress(mask, &mut rays.directions[k][n..]);
             }
             start.compress(mask, &mut rays.starts[n..]);
-            if let Some(distances) = distances {
-                (load(simd, distances, row) - start).compress(mask, &mut rays.ends[n..]);
-            }
+            let number = match keeps {
+                Kept::Numbers => load(simd, numbers, row),
+                Kept::UpTo(distances) => load(simd, distances, row) - start,
+            };
+            number.compress(mask, &mut kept[n..]);
             n += lanes.count_ones() as usize;
         }
     }
