@@ -82,11 +82,12 @@ impl Surfaces {
 
     /// Of what is hit: the normals of fronts, or what those of curved surfaces are found by, and what materials do with rays.
     pub(crate) fn find(&mut self, scene: &Scene, hits: &[Option<Hit>]) {
-        let [mut found, mut sending, mut spheres, mut others] = [0_u32; 4];
+        // What is so of rows, a bit each: sixteen rows of one kind after the other, so that all are gathered at once.
+        let mut rows = 0_u64;
         self.materials = [NOTHING; ROWS];
         self.indices = [SENDS_NOTHING; ROWS];
-        for (row, hit) in hits.iter().enumerate().take(ROWS) {
-            let Some(hit) = hit else { continue };
+        for row in 0..hits.len().min(ROWS) {
+            let Some(hit) = &hits[row] else { continue };
             let &PrimitiveSurface { vector, material, form } = scene.surface_of(hit.primitive);
             put(&mut self.normals, row, vector);
             let index = match scene.spawns_of(material) {
@@ -95,11 +96,13 @@ impl Surfaces {
                 Spawns::Both { index } => index,
             };
             (self.materials[row], self.indices[row]) = (material.0, index);
-            found |= 1 << row;
-            sending |= u32::from(index >= ONLY_REFLECTS) << row;
-            spheres |= u32::from(form == SurfaceForm::Sphere) << row;
-            others |= u32::from(matches!(form, SurfaceForm::Smooth | SurfaceForm::Cone)) << row;
+            let sends = u64::from(index >= ONLY_REFLECTS);
+            let is_sphere = u64::from(form == SurfaceForm::Sphere);
+            let is_other = u64::from(matches!(form, SurfaceForm::Smooth | SurfaceForm::Cone));
+            rows |= (1 | sends << ROWS | is_sphere << (2 * ROWS) | is_other << (3 * ROWS)) << row;
         }
+        let [found, sending, spheres, others] =
+            std::array::from_fn(|kind| (rows >> (kind * ROWS)) as u32 & (u32::MAX >> ROWS));
         (self.hit, self.sending, self.backs) = (found, sending, 0);
         (self.spheres, self.cones, self.smooth) = (spheres, 0, 0);
         if others != 0 {
