@@ -81,13 +81,14 @@ impl Surfaces {
     }
 
     /// Of what is hit: the normals of fronts, or what those of curved surfaces are found by, and what materials do with rays.
+    #[expect(clippy::cast_possible_truncation, reason = "what is cut off is masked out")]
     pub(crate) fn find(&mut self, scene: &Scene, hits: &[Option<Hit>]) {
         // What is so of rows, a bit each: sixteen rows of one kind after the other, so that all are gathered at once.
         let mut rows = 0_u64;
         self.materials = [NOTHING; ROWS];
         self.indices = [SENDS_NOTHING; ROWS];
-        for row in 0..hits.len().min(ROWS) {
-            let Some(hit) = &hits[row] else { continue };
+        for (hit, row) in hits.iter().zip(0..ROWS) {
+            let Some(hit) = hit else { continue };
             let &PrimitiveSurface { vector, material, form } = scene.surface_of(hit.primitive);
             put(&mut self.normals, row, vector);
             let index = match scene.spawns_of(material) {
