@@ -1,7 +1,7 @@
 //! Whether a kind of shaft is worth trying: found out by counters, never by a clock.
 
 /// After how many shafts at most one is tried again.
-const LONGEST_WAIT: usize = 32;
+const LONGEST_WAIT: usize = 128;
 
 /// Whether a kind of shaft is worth trying.
 #[derive(Clone, Copy, Debug)]
@@ -63,27 +63,27 @@ mod tests {
     fn shafts_that_do_not_pay_are_tried_less_and_less() {
         let mut trial = Trial::NEW;
         let mut tried = Vec::new();
-        for shaft in 0..200 {
+        for shaft in 0..600 {
             if trial.is_due() {
                 tried.push(shaft);
                 trial.end(10, 0);
             }
         }
-        assert_eq!(tried, [0, 1, 3, 7, 15, 31, 63, 95, 127, 159, 191]);
+        assert_eq!(tried, [0, 1, 3, 7, 15, 31, 63, 127, 255, 383, 511]);
     }
 
     #[test]
     fn one_that_pays_is_followed_by_another_whatever_was_lost_before() {
         let mut trial = Trial::NEW;
-        for _ in 0..8 {
+        for _ in 0..10 {
             trial.end(100, 0);
         }
-        assert_eq!((trial.wait, trial.next_wait), (32, 32));
+        assert_eq!((trial.wait, trial.next_wait), (128, 128));
         trial.end(10, 12);
         assert!(!trial.pays(), "what was lost is not forgotten at once");
-        assert_eq!((trial.wait, trial.next_wait), (1, 16));
+        assert_eq!((trial.wait, trial.next_wait), (1, 64));
         trial.end(10, 0);
-        assert_eq!((trial.wait, trial.next_wait), (16, 32));
+        assert_eq!((trial.wait, trial.next_wait), (64, 128));
         trial.end(0, 1000);
         assert_eq!((trial.wait, trial.next_wait), (1, 1), "all is made up for");
     }
