@@ -478,6 +478,29 @@ mod tests {
     }
 
     #[test]
+    fn columns_hold_what_was_added_since_they_were_cleared() {
+        let query = |i: u32| RayQuery {
+            ray_set: RaySetIndex(i),
+            slot: Slot::ROOT,
+            originating: None,
+            ray: Ray::new(DVec3::splat(f64::from(i)), DVec3::Z),
+            span: Span { start: f64::from(i), end: f64::from(2 * i) },
+        };
+        let mut rays = Generation::default();
+        rays.make_room(2);
+        for n in [5, 2, 30, 0] {
+            rays.clear();
+            (1..=n).for_each(|i| rays.push(&query(i)));
+            let expected: Vec<f64> = (1..=n).map(f64::from).collect();
+            assert_eq!(rays.origins(), [&expected[..]; 3]);
+            assert_eq!(rays.directions().map(<[f64]>::len), [rays.len(); 3]);
+            let (starts, ends) = rays.spans();
+            assert_eq!((starts, ends.len()), (&expected[..], rays.len()));
+            assert!((1..=n).all(|i| rays.query(i as usize - 1) == query(i)));
+        }
+    }
+
+    #[test]
     fn slots_number_the_tree_like_a_heap() {
         assert_eq!(Slot::ROOT.depth(), 1);
         assert_eq!(Slot::ROOT.kind(), RayKind::Initial);
