@@ -1,13 +1,16 @@
 //! Packets through a tree.
 //!
-//! Under a shaft a node's boxes are tested in one go. Before one is opened it is tested once more: against all rays of a
-//! packet that is by itself, or against the shafts of all packets of a tile. What a wide shaft lets through ends where
-//! none of them goes; and where few do, the shaft is not worth its steps and is given up.
+//! Under a shaft a node's boxes are tested in one go. What it meets is tested once more: at once against all rays of a
+//! packet that is by itself, or, when its turn comes, against the shafts of all packets of a tile. What a wide shaft lets
+//! through ends where none of them goes; and where few do, the shaft is not worth its steps and is given up.
+//!
+//! What is met, what of it is entered, and in what order, no processor can guess: a wrong guess takes as long as the test
+//! of a box. So nothing branches on them one by one; and where any hit will do, there is no order.
 //!
 //! Source: Wald, Benthin, Wagner and Slusallek 2001, "Interactive rendering with coherent ray tracing", for the test of a
 //! packet's rays; Reshetov, Soupikov and Hurley 2005 for the shaft before it.
 
-use rayset_simd::{LaneMask, Part, Simd};
+use rayset_simd::{LaneMask, Lanes, Part, Simd};
 
 use crate::exact::Exact;
 use crate::hierarchy::Scratch;
@@ -16,6 +19,7 @@ use crate::node::{Child, Tree};
 use crate::packet::Packet;
 use crate::shaft::Shaft;
 use crate::together::Question;
+use crate::traverse::Aligned;
 
 /// A packet goes on as long as it has taken no more than so many quarters of the steps of its rays by themselves: a step
 /// of a packet takes less time than one of a ray, which guesses its way.
@@ -62,6 +66,44 @@ pub(crate) struct Pending {
     pub(crate) lane: u32,
     /// How far along the axis its box begins.
     pub(crate) begin: f32,
+    /// How many rays of a packet that is by itself enter it; who is asked later, has one here.
+    pub(crate) entered: u32,
+}
+
+/// Children of a node that are to be visited, a bit each.
+struct Children<'a, S: Simd, const W: usize> {
+    node: u32,
+    bits: u32,
+    begin: S::F32,
+    entered: &'a [u32; W],
+}
+
+impl<S: Simd, const W: usize> Children<'_, S, W> {
+    /// Puts them on the stack, the nearest last if it is asked where a hit is; the new height.
+    ///
+    /// The place of each follows from how many lie farther: sorting them would be one guess after the other.
+    #[inline(always)]
+    fn push<Q: Question<S, W>>(self, simd: S, stack: &mut [Pending], height: usize) -> usize {
+        let Self { node, bits, begin, entered } = self;
+        let mut begins = Aligned([0.0; W]);
+        begin.store(&mut begins.0);
+        let (mut rest, mut n) = (bits, 0);
+        while rest != 0 {
+            let lane = rest.trailing_zeros();
+            rest &= rest - 1;
+            let at = begins.0[lane as usize % W];
+            let mut place = n;
+            if Q::EXACT {
+                let others = simd.splat_f32(at);
+                let farther = begin.gt(others).bits() | begin.eq(others).bits() & ((1 << lane) - 1);
+                place = (farther & bits).count_ones() as usize;
+            }
+            let entered = entered[lane as usize % W];
+            stack[height + place] = Pending { node, lane, begin: at, entered };
+            n += 1;
+        }
+        height + n
+    }
 }
 
 impl<S: Simd, Q: Question<S, W>, const W: usize> Part<S> for OfTile<'_, S, Q, W> {
@@ -102,27 +144,42 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
                 asking.leaf::<ALONE>(simd, current.index());
             } else {
                 nodes += 1;
-                height = shaft.push_children(simd, tree, current, asking.progress.reach, stack, height);
+                let node = &tree.nodes[current.index()];
+                let (met, begin) = shaft.meets(simd, node, asking.progress.reach);
+                let mut bits = met.bits();
+                let mut entered = Aligned([1; W]);
+                if ALONE {
+                    box_tests += u64::from(bits.count_ones());
+                    let Packet { start, ends, .. } = asking.packets[0];
+                    let mut rest = bits;
+                    while rest != 0 {
+                        let lane = rest.trailing_zeros() as usize % W;
+                        rest &= rest - 1;
+                        let rays = slabs.enter(simd, node.bounds(lane), start, ends).0.bits().count_ones();
+                        entered.0[lane] = rays;
+                        bits &= !(u32::from(rays == 0) << lane);
+                    }
+                }
+                let children = Children { node: current.0, bits, begin, entered: &entered.0 };
+                height = children.push::<Q>(simd, stack, height);
             }
             let next = loop {
                 if height == 0 {
                     break None;
                 }
                 height -= 1;
-                let Pending { node, lane, begin } = stack[height];
+                let Pending { node, lane, begin, mut entered } = stack[height];
                 if begin > asking.progress.reach {
                     continue;
                 }
                 let (node, lane) = (&tree.nodes[node as usize], lane as usize % W);
-                box_tests += 1;
-                let entered = if ALONE {
-                    let Packet { start, ends, .. } = asking.packets[0];
-                    slabs.enter(simd, node.bounds(lane), start, ends).0.bits().count_ones()
-                } else {
-                    2 * shaft.packets_that_meet(simd, node.bounds(lane), asking.progress.reaches).count_ones()
-                };
-                if entered == 0 {
-                    continue;
+                if !ALONE {
+                    box_tests += 1;
+                    let reaches = asking.progress.reaches;
+                    entered = 2 * shaft.packets_that_meet(simd, node.bounds(lane), reaches).count_ones();
+                    if entered == 0 {
+                        continue;
+                    }
                 }
                 worth += u64::from(entered);
                 break Some(Child(node.children[lane]));
@@ -150,5 +207,74 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
             worth = (worth + progress.tests()).min(most);
         }
         Outcome { is_done, spent, worth }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+    use rayset_simd::{Backend, Kernel};
+
+    use super::*;
+    use crate::together::{Hidden, Nearest};
+
+    /// What is pushed of one node's children, given where they begin: their lanes, from the bottom up.
+    struct Pushed {
+        begins: [f32; 16],
+        bits: u32,
+        nearest: bool,
+    }
+
+    impl Kernel for Pushed {
+        type Output = Vec<u32>;
+
+        fn run<S: Simd>(self, simd: S) -> Vec<u32> {
+            if S::F32::LANES == 16 { self.push::<S, 16>(simd) } else { self.push::<S, 8>(simd) }
+        }
+    }
+
+    impl Pushed {
+        fn push<S: Simd, const W: usize>(self, simd: S) -> Vec<u32> {
+            let bits = self.bits & (u32::MAX >> (32 - W));
+            let entered = std::array::from_fn(|lane| u32::try_from(lane).expect("it is small") + 1);
+            let begin = simd.load_f32(&self.begins[..W]);
+            let children = Children::<S, W> { node: 7, bits, begin, entered: &entered };
+            // Something lies below.
+            let mut stack = vec![Pending::default(); 1 + W];
+            let height = if self.nearest {
+                children.push::<Nearest<S>>(simd, &mut stack, 1)
+            } else {
+                children.push::<Hidden>(simd, &mut stack, 1)
+            };
+            assert_eq!(stack[0].node, 0, "what lay below is left alone");
+            let check = |pending: &Pending| {
+                let at = self.begins[pending.lane as usize];
+                assert_eq!((pending.node, pending.begin, pending.entered), (7, at, pending.lane + 1));
+                pending.lane
+            };
+            stack[1..height].iter().map(check).collect()
+        }
+    }
+
+    #[test]
+    fn children_lie_with_the_nearest_on_top_and_none_is_lost() {
+        let mut dice = ChaCha8Rng::seed_from_u64(5);
+        for &backend in Backend::available() {
+            for _ in 0..500 {
+                // Few values, so that many begin at the same place.
+                let begins: [f32; 16] =
+                    std::array::from_fn(|_| [-0.5, -0.0, 0.0, 0.25, 1.0][dice.next_u32() as usize % 5]);
+                let bits = dice.next_u32() & 0xffff;
+                let all = backend.run(Pushed { begins, bits, nearest: false });
+                assert!(all.is_sorted(), "{backend}: without an order, as they stand in the node: {all:?}");
+                let ordered = backend.run(Pushed { begins, bits, nearest: true });
+                // Those that begin at the same place, zeros of both signs among them, stay as they were.
+                let mut expected = all;
+                expected
+                    .sort_by(|&a, &b| begins[b as usize].partial_cmp(&begins[a as usize]).expect("numbers"));
+                assert_eq!(ordered, expected, "{backend}");
+            }
+        }
     }
 }

@@ -10,9 +10,8 @@
 
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
-use crate::descent::Pending;
 use crate::frame::CullBox;
-use crate::node::{Child, Node, Tree};
+use crate::node::Node;
 use crate::packet::Packet;
 use crate::triangles::Rounding;
 
@@ -182,7 +181,12 @@ impl<S: Simd> Shaft<S> {
 
     /// Which of several boxes the shaft meets, and how far along the axis each begins.
     #[inline(always)]
-    fn meets(&self, simd: S, planes: &impl Planes<S>, reach: f32) -> (<S::F32 as Lanes>::Mask, S::F32) {
+    pub(crate) fn meets(
+        &self,
+        simd: S,
+        planes: &impl Planes<S>,
+        reach: f32,
+    ) -> (<S::F32 as Lanes>::Mask, S::F32) {
         let [x, y, z] = self.axes;
         let towards = simd.splat_f32(self.towards);
         let (near, far) = if self.towards > 0.0 { (z, 3 + z) } else { (3 + z, z) };
@@ -213,41 +217,6 @@ impl<S: Simd> Shaft<S> {
             met = met & simd.splat_f32(low[axis]).le(top) & simd.splat_f32(high[axis]).ge(bottom);
         }
         met.bits()
-    }
-
-    /// The children of a node that the shaft meets, pushed so that the nearest comes last; returns the new height.
-    #[inline(always)]
-    pub(crate) fn push_children<const W: usize>(
-        &self,
-        simd: S,
-        tree: &Tree<W>,
-        node: Child,
-        reach: f32,
-        stack: &mut [Pending],
-        height: usize,
-    ) -> usize {
-        let (met, begin) = self.meets(simd, &tree.nodes[node.index()], reach);
-        let mut bits = met.bits();
-        if bits == 0 {
-            return height;
-        }
-        let mut begins = [0.0; W];
-        begin.store(&mut begins);
-        let base = height;
-        let mut height = height;
-        while bits != 0 {
-            let lane = bits.trailing_zeros();
-            bits &= bits - 1;
-            let entry = Pending { node: node.0, lane, begin: begins[lane as usize % W] };
-            let mut place = height;
-            while place > base && stack[place - 1].begin < entry.begin {
-                stack[place] = stack[place - 1];
-                place -= 1;
-            }
-            stack[place] = entry;
-            height += 1;
-        }
-        height
     }
 
     /// The primitives of a block that the shaft meets.
