@@ -1,7 +1,7 @@
 //! Hits that single precision is sure of, where they are exactly: a ray and its primitive a lane.
 
 use rayset_geometry::{AxesLanes, PrimitiveKind, RayLanes, ShearedLanes, Side, Sides, Sphere, Triangle};
-use rayset_simd::{LaneMask, Lanes, Part, Simd};
+use rayset_simd::{CullLanes, LaneMask, Lanes, Part, Simd};
 
 use super::lanes::LanesOfColumns;
 use super::{Departing, Exact, Sure};
@@ -31,6 +31,8 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
         let pairs = S::F64::LANES;
         let zero = simd.splat_f64(0.0);
         let (mut sure, mut others) = ([Sure::NONE; W], 0);
+        // The bits of the number of what each lane hits.
+        let mut numbers = simd.splat_f32(0.0);
         let mut lane = 0;
         while lanes >> lane != 0 {
             let mut open = lanes & (u32::MAX >> (32 - pairs)) << lane;
@@ -60,8 +62,9 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
                         }
                     }
                     let number = shapes.number(one.kind, one.index);
+                    simd.splat_f32(f32::from_bits(number)).put(simd.mask_f32(alike), &mut numbers);
                     // Who leaves it does not surely hit it.
-                    triangles.add_all(alike >> lane, &one, number, [0; 2]);
+                    triangles.add_all(alike >> lane, &one, [0; 2]);
                 } else if one.kind == PrimitiveKind::Sphere && is_whole {
                     let sphere = shapes.sphere(one.index);
                     for (lanes, coordinate) in ball.0.iter_mut().zip(sphere.center().to_array()) {
@@ -70,7 +73,8 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
                     ball.1 = simd.splat_f64(sphere.radius()).select(mask, ball.1);
                     let number = shapes.number(one.kind, one.index);
                     let (leaving, outwards) = packet.leaving(simd, number);
-                    spheres.add_all(alike >> lane, &one, number, [leaving >> lane, outwards >> lane]);
+                    simd.splat_f32(f32::from_bits(number)).put(simd.mask_f32(alike), &mut numbers);
+                    spheres.add_all(alike >> lane, &one, [leaving >> lane, outwards >> lane]);
                 } else {
                     others |= alike;
                     let mut alike = alike;
@@ -79,6 +83,12 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
                         alike &= alike - 1;
                     }
                 }
+            }
+            let mut bits = [0.0; W];
+            numbers.store(&mut bits);
+            let numbers = bits.map(f32::to_bits);
+            for wanted in [&mut triangles, &mut spheres] {
+                wanted.primitives[..pairs].copy_from_slice(&numbers[lane..lane + pairs]);
             }
             if triangles.lanes != 0
                 && let Some((rays, _)) = &sheared
@@ -125,17 +135,13 @@ impl<const W: usize> Wanted<W> {
         self.back |= u32::from(sure.sides != Sides::Front && !never_again) << lane;
     }
 
-    /// Adds lanes that hit the same; of all, which leave it so that its front, and its back, is not met again.
+    /// Adds lanes that hit the same, but for its number; of all, which leave it so that its front, and its back, is not
+    /// met again.
     #[inline(always)]
-    fn add_all(&mut self, lanes: u32, sure: &Sure, primitive: u32, [front, back]: [u32; 2]) {
+    fn add_all(&mut self, lanes: u32, sure: &Sure, [front, back]: [u32; 2]) {
         self.lanes |= lanes;
         self.front |= if sure.sides == Sides::Back { 0 } else { lanes & !front };
         self.back |= if sure.sides == Sides::Front { 0 } else { lanes & !back };
-        let mut lanes = lanes;
-        while lanes != 0 {
-            self.primitives[lanes.trailing_zeros() as usize % W] = primitive;
-            lanes &= lanes - 1;
-        }
     }
 
     #[inline(always)]
@@ -167,10 +173,20 @@ impl<const W: usize> Wanted<W> {
         debug_assert_eq!(hits, self.lanes, "a sure hit is one");
         let mut distances = [0.0; W];
         t.store(&mut distances);
+        let hit = |lane: usize| HitOrNone { t: distances[lane], primitive: self.primitives[lane] };
+        if hits == u32::MAX >> (32 - L::LANES)
+            && let Some(places) = found.get_mut(..L::LANES)
+        {
+            // How many they are is not guessed where it is all.
+            for (lane, place) in places.iter_mut().enumerate() {
+                *place = hit(lane);
+            }
+            return;
+        }
         while hits != 0 {
             let lane = hits.trailing_zeros() as usize;
             hits &= hits - 1;
-            found[lane] = HitOrNone { t: distances[lane], primitive: self.primitives[lane] };
+            found[lane] = hit(lane);
         }
     }
 }
