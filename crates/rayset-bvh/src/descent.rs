@@ -4,8 +4,9 @@
 //! packet that is by itself, or, when its turn comes, against the shafts of all packets of a tile. What a wide shaft lets
 //! through ends where none of them goes; and where few do, the shaft is not worth its steps and is given up.
 //!
-//! What is met, what of it is entered, and in what order, no processor can guess: a wrong guess takes as long as the test
-//! of a box. So nothing branches on them one by one; and where any hit will do, there is no order.
+//! Which boxes are met and entered, and in what order, no processor can guess, and a wrong guess takes as long as the test
+//! of a box. So a packet branches on none of its tests, and nothing is sorted by comparing one with another; where any hit
+//! will do, nothing is sorted.
 //!
 //! Source: Wald, Benthin, Wagner and Slusallek 2001, "Interactive rendering with coherent ray tracing", for the test of a
 //! packet's rays; Reshetov, Soupikov and Hurley 2005 for the shaft before it.
