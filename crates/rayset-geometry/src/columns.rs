@@ -75,6 +75,18 @@ fn push_padded(column: &mut Vec<f64>, value: f64) {
     column.push(0.0);
 }
 
+/// What stands in columns of one primitive.
+///
+/// # Panics
+///
+/// If there is no such primitive: beyond the last one stands the padding, which is none.
+#[inline(always)]
+fn row<const N: usize>(columns: &[Vec<f64>; N], index: u32) -> [f64; N] {
+    let i = index as usize;
+    assert!(i < columns[0].len() - MAX_LANES, "there is no primitive {index}");
+    std::array::from_fn(|k| columns[k][i])
+}
+
 fn index_of(len: usize) -> u32 {
     u32::try_from(len).expect("at most 2^32 primitives of a kind")
 }
@@ -204,7 +216,7 @@ impl PrimitiveColumns {
                 let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize;
                 vertices.map(|v| DVec3::new(x[v], y[v], z[v])).collect()
             }
-            PrimitiveKind::Cone => Cone::bounding_box_of(&std::array::from_fn(|k| self.cones[k][i])),
+            PrimitiveKind::Cone => Cone::bounding_box_of(&row(&self.cones, index)),
         }
     }
 
@@ -215,9 +227,8 @@ impl PrimitiveColumns {
     /// If there is no such triangle.
     #[must_use]
     pub fn triangle(&self, index: u32) -> Triangle {
-        let i = index as usize;
-        let vertex = |v: usize| DVec3::from_array(std::array::from_fn(|k| self.triangles[3 * v + k][i]));
-        Triangle::new(vertex(0), vertex(1), vertex(2))
+        let [ax, ay, az, bx, by, bz, cx, cy, cz] = row(&self.triangles, index);
+        Triangle::of_finite([DVec3::new(ax, ay, az), DVec3::new(bx, by, bz), DVec3::new(cx, cy, cz)])
     }
 
     /// The axis of a cone.
@@ -227,7 +238,7 @@ impl PrimitiveColumns {
     /// If there is no such cone.
     #[must_use]
     pub fn cone_axis(&self, index: u32) -> ConeAxis {
-        Cone::axis_of(&std::array::from_fn(|k| self.cones[k][index as usize]))
+        Cone::axis_of(&row(&self.cones, index))
     }
 
     /// Where rays meet a cone, a ray a lane: the lanes that hit it, and `t`; of the rays, where their spans start and end,
@@ -305,17 +316,13 @@ impl PrimitiveColumns {
     ///
     /// If there is no such primitive, or as [`PrimitiveColumns::push`] does.
     pub fn push_from(&mut self, other: &Self, kind: PrimitiveKind, index: u32, sides: Sides) -> ColumnRun {
-        let (i, new) = (index as usize, index_of(self.len(kind)));
+        let new = index_of(self.len(kind));
         match kind {
-            PrimitiveKind::Sphere => {
-                push_all(&mut self.spheres, std::array::from_fn(|k| other.spheres[k][i]))
-            }
-            PrimitiveKind::Triangle => {
-                push_all(&mut self.triangles, std::array::from_fn(|k| other.triangles[k][i]));
-            }
-            PrimitiveKind::Cone => push_all(&mut self.cones, std::array::from_fn(|k| other.cones[k][i])),
+            PrimitiveKind::Sphere => push_all(&mut self.spheres, row(&other.spheres, index)),
+            PrimitiveKind::Triangle => push_all(&mut self.triangles, row(&other.triangles, index)),
+            PrimitiveKind::Cone => push_all(&mut self.cones, row(&other.cones, index)),
             PrimitiveKind::Polygon => {
-                self.push_polygon(&other.polygon_vertices(index), other.polygon_normals[i]);
+                self.push_polygon(&other.polygon_vertices(index), other.polygon_normals[index as usize]);
             }
         }
         ColumnRun { kind, sides, range: new..new + 1 }
@@ -351,9 +358,8 @@ impl PrimitiveColumns {
     /// If there is no such sphere.
     #[must_use]
     pub fn sphere(&self, index: u32) -> Sphere {
-        let i = index as usize;
-        let [x, y, z, radius] = &self.spheres;
-        Sphere::new(DVec3::new(x[i], y[i], z[i]), radius[i])
+        let [x, y, z, radius] = row(&self.spheres, index);
+        Sphere::new(DVec3::new(x, y, z), radius)
     }
 
     /// A primitive by itself, for those who copy a scene; that of a cone is rounded anew.
@@ -561,5 +567,29 @@ fn each_lane<S: Simd>(
 fn push_all<const N: usize>(columns: &mut [Vec<f64>; N], values: [f64; N]) {
     for (column, value) in columns.iter_mut().zip(values) {
         push_padded(column, value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::panic::catch_unwind;
+
+    use super::*;
+
+    #[test]
+    fn padding_is_no_primitive() {
+        let (a, b, c) = (DVec3::ZERO, DVec3::X, DVec3::Y);
+        let mut columns = PrimitiveColumns::default();
+        for primitive in [
+            Primitive::from(Sphere::new(a, 1.0)),
+            Triangle::new(a, b, c).into(),
+            Cone::new(a, 1.0, c, 0.5).expect("a frustum").into(),
+        ] {
+            assert_eq!(columns.push(&primitive, Sides::Both).range, 0..1);
+        }
+        assert_eq!(columns.triangle(0).vertices(), &[a, b, c]);
+        assert!(catch_unwind(|| columns.triangle(1)).is_err(), "there is one triangle");
+        assert!(catch_unwind(|| columns.sphere(1)).is_err(), "there is one sphere");
+        assert!(catch_unwind(|| columns.cone_axis(1)).is_err(), "there is one cone");
     }
 }

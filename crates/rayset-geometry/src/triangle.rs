@@ -29,6 +29,13 @@ impl Triangle {
         Self { vertices: [a, b, c] }
     }
 
+    /// A triangle of vertices that are known to be finite.
+    #[inline(always)]
+    pub(crate) fn of_finite(vertices: [DVec3; 3]) -> Self {
+        debug_assert!(vertices.iter().all(|vertex| vertex.is_finite()), "they are finite");
+        Self { vertices }
+    }
+
     /// The three vertices, in world space.
     #[must_use]
     pub fn vertices(&self) -> &[DVec3; 3] {
@@ -46,6 +53,8 @@ impl Triangle {
         let zero = simd.splat_f64(0.0);
         let mut vertices = [[zero; 3]; 3];
         for (lanes, vertex) in vertices.iter_mut().zip(&self.vertices) {
+            // As an array: of a point each coordinate is looked for by comparing.
+            let vertex: &[f64; 3] = vertex.as_ref();
             *lanes = [simd.splat_f64(vertex[x]), simd.splat_f64(vertex[y]), simd.splat_f64(vertex[z])];
         }
         vertices
@@ -94,7 +103,9 @@ impl Triangle {
             2
         };
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
-        let area = |p: DVec3, q: DVec3| (p - point)[i] * (q - point)[j] - (p - point)[j] * (q - point)[i];
+        // As arrays: of a point each coordinate is looked for by comparing.
+        let [a, b, c] = [a, b, c].map(|vertex| (vertex - point).to_array());
+        let area = |p: [f64; 3], q: [f64; 3]| p[i] * q[j] - p[j] * q[i];
         let weights = [area(b, c), area(c, a), area(a, b)];
         let sum = weights[0] + weights[1] + weights[2];
         if sum.abs() > 0.0 { weights.map(|weight| weight / sum) } else { [1.0, 0.0, 0.0] }
@@ -105,7 +116,7 @@ impl Triangle {
     #[must_use]
     #[inline(always)]
     pub fn intersect(&self, probe: &Probe<Scalar>, sides: Sides, departure: Option<Side>) -> Option<f64> {
-        let [a, b, c] = &self.vertices;
+        let [a, b, c]: [&[f64; 3]; 3] = self.vertices.each_ref().map(AsRef::as_ref);
         let [x, y, z] = probe.shear.axes;
         let vertices = [[a[x], a[y], a[z]], [b[x], b[y], b[z]], [c[x], c[y], c[z]]];
         let allowed = Allowed::of_one(PrimitiveKind::Triangle, sides, departure);

@@ -53,18 +53,10 @@ impl RayColumns<'_> {
     /// The same sheared, and the order of their axes: most often all have the same.
     #[inline(always)]
     pub(super) fn sheared<S: Simd>(&self, simd: S, at: usize) -> (ShearedLanes<S>, Order<S>) {
-        let LanesOfColumns { rays, span } = self.lanes(simd, at);
-        let axes = AxesLanes::of(simd, &rays.direction);
-        if let Some(common) = axes.common() {
-            let mut ordered = rays;
-            for (k, axis) in common.into_iter().enumerate() {
-                ordered.origin[k] = simd.load_f64(&self.origins[axis][at..]);
-                ordered.direction[k] = simd.load_f64(&self.directions[axis][at..]);
-            }
-            return (ShearedLanes::of(simd, ordered, span), Order::Common(common));
-        }
-        let RayLanes { origin, direction } = rays;
+        let LanesOfColumns { rays: RayLanes { origin, direction }, span } = self.lanes(simd, at);
+        let axes = AxesLanes::of(simd, &direction);
         let rays = RayLanes { origin: axes.order(origin), direction: axes.order(direction) };
-        (ShearedLanes::of(simd, rays, span), Order::Own(axes))
+        let order = axes.common().map_or(Order::Own(axes), Order::Common);
+        (ShearedLanes::of(simd, rays, span), order)
     }
 }

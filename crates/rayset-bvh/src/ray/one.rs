@@ -19,6 +19,14 @@ impl<const W: usize> CullRay<'_, W> {
         [columns[0][lane], columns[1][lane], columns[2][lane]]
     }
 
+    /// The same, said to have axes that there are, so that no load by them has to ask.
+    #[inline(always)]
+    pub(crate) fn with_axes_known(self) -> Self {
+        let [x, y, z] = self.axes;
+        assert!(x.max(y).max(z) < 3, "there are three axes");
+        self
+    }
+
     /// One over the direction.
     #[inline(always)]
     pub(crate) fn inverse(self) -> [f32; 3] {
