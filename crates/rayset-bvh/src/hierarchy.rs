@@ -354,8 +354,8 @@ impl<const W: usize> Wide<W> {
         known: Option<Hit>,
         scratch: &mut Scratch,
     ) -> Nearest {
-        let traced = &Traced { cull: traced.cull.with_axes_known(), ..*traced };
-        let cull = traced.cull;
+        let cull = if C::TRIANGLES { traced.cull.with_axes_known() } else { traced.cull };
+        let traced = &Traced { cull, ..*traced };
         let Scratch { stack, steps, primitive_tests, .. } = scratch;
         let end = known.map_or(cull.end_above(), |hit| cull.end(hit.t));
         let mut visitor = NearestVisitor {
