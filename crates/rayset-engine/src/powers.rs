@@ -121,6 +121,7 @@ fn exp2<S: Simd>(simd: S, y: S::F64) -> S::F64 {
 
 #[cfg(test)]
 mod tests {
+    use approx::abs_diff_eq;
     use rayset_simd::{Backend, Kernel};
 
     use super::*;
@@ -176,7 +177,10 @@ mod tests {
                     continue;
                 }
                 let bound = units * f64::EPSILON * expected + f64::MIN_POSITIVE;
-                assert!((found - expected).abs() <= bound, "{base:e}^{exponent}: {found:e}, {expected:e}");
+                assert!(
+                    abs_diff_eq!(found, expected, epsilon = bound),
+                    "{base:e}^{exponent}: {found:e}, {expected:e}"
+                );
             }
         }
     }

@@ -3,6 +3,7 @@
 mod pixels;
 mod scenes;
 
+use approx::abs_diff_eq;
 use pixels::assert_same_pixels;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use rayset_engine::{
@@ -156,7 +157,10 @@ fn recording_adds_planes_and_changes_nothing_else() {
             let coherent: f64 =
                 (0..share.len()).map(|i| f64::from(rays(i)) * f64::from(share[i])).fold(0.0, |a, b| a + b);
             let counted = actual.stats.coherence.total().coherent;
-            assert!((coherent - counted as f64).abs() < 0.01, "{what}: {coherent} of {counted}");
+            assert!(
+                abs_diff_eq!(coherent, counted as f64, epsilon = 0.01),
+                "{what}: {coherent} of {counted}"
+            );
         }
     }
 }
@@ -174,7 +178,7 @@ fn layers_show_the_hits_of_the_initial_rays() {
         for pixel in 0..depth.len() {
             let length: f32 = normal.iter().map(|plane| plane[pixel] * plane[pixel]).fold(0.0, |a, b| a + b);
             if depth[pixel].is_finite() {
-                assert!((length - 1.0).abs() < 1e-5, "{name}, {pixel}: {length}");
+                assert!(abs_diff_eq!(length, 1.0, epsilon = 1e-5), "{name}, {pixel}: {length}");
                 let object = &scene.objects()[object[pixel] as usize];
                 assert!(object.primitives.contains(&primitive[pixel]), "{name}, {pixel}");
             } else {

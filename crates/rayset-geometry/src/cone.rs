@@ -266,6 +266,7 @@ impl<S: Simd> Wall<S> {
 
 #[cfg(test)]
 mod tests {
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
     use glam::dvec3;
 
     use super::*;
@@ -299,7 +300,7 @@ mod tests {
         assert_eq!(hit(&cylinder(), dvec3(-3.0, 0.0, 2.5), DVec3::X, Sides::Both), None);
         // Through the open end, then the inner wall: x grows by 1 while z grows by 1.
         let t = hit(&cylinder(), dvec3(0.0, 0.0, -0.5), dvec3(1.0, 0.0, 1.0), Sides::Both).unwrap();
-        assert!((t - 2.0_f64.sqrt()).abs() < 1e-14, "{t}");
+        assert_abs_diff_eq!(t, 2.0_f64.sqrt(), epsilon = 1e-14);
         assert_eq!(hit(&cylinder(), dvec3(0.0, 0.0, -0.5), dvec3(1.0, 0.0, 1.0), Sides::Front), None);
     }
 
@@ -325,7 +326,7 @@ mod tests {
         // The generator from (2, 0, 0) to (0, 0, 2); the ray runs parallel to it through the axis at z = 1.
         let t = hit(&cone(), dvec3(2.0, 0.0, -1.0), dvec3(-1.0, 0.0, 1.0), Sides::Both).unwrap();
         let point = dvec3(2.0, 0.0, -1.0) + t * 0.5_f64.sqrt() * dvec3(-1.0, 0.0, 1.0);
-        assert!((point.x.abs() - (2.0 - point.z)).abs() < 1e-12, "{point}");
+        assert!(abs_diff_eq!(point.x.abs(), 2.0 - point.z, epsilon = 1e-12), "{point}");
         assert!(point.x < 0.0, "{point} lies on the opposite wall");
     }
 
@@ -335,7 +336,7 @@ mod tests {
         assert_eq!(cylinder().intersect(&ray, Span::FORWARD, Sides::Both, Some(Side::Front)), None);
         let inwards = Ray::new(dvec3(-1.0 - 1e-15, 0.0, 1.0), DVec3::X);
         let t = cylinder().intersect(&inwards, Span::FORWARD, Sides::Both, Some(Side::Back)).unwrap();
-        assert!((t - 2.0).abs() < 1e-12, "{t}");
+        assert_abs_diff_eq!(t, 2.0, epsilon = 1e-12);
     }
 
     #[test]

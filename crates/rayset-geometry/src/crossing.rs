@@ -107,6 +107,7 @@ fn between(p: f64, q: f64, fraction: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn depth_is_interpolated_between_the_crossings() {
@@ -127,6 +128,6 @@ mod tests {
         // Seen edge-on, up to rounding: a line of depth 10 + x.
         let sliver = [[-1.0, 1e-17, 9.0], [1.0, -1e-17, 11.0], [4.0, 0.0, 14.0]];
         let depth = Crossings::depth_in_triangle(sliver).unwrap();
-        assert!((depth - 10.0).abs() < 1e-15, "{depth}");
+        assert_abs_diff_eq!(depth, 10.0, epsilon = 1e-15);
     }
 }

@@ -84,12 +84,13 @@ pub fn unit(vector: DVec3) -> Option<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::abs_diff_eq;
 
     #[test]
     fn unit_vectors_come_from_vectors_of_any_length() {
         for scale in [1.0, 1e-160, 1e160, 1e-308, 5e-324, 1e307] {
             let vector = unit(DVec3::new(3.0, 0.0, -4.0) * scale).unwrap();
-            assert!((vector.length() - 1.0).abs() < 1e-15, "{scale}: {vector}");
+            assert!(abs_diff_eq!(vector.length(), 1.0, epsilon = 1e-15), "{scale}: {vector}");
         }
         assert_eq!(unit(DVec3::ZERO), None);
         assert_eq!(unit(DVec3::new(1.0, f64::NAN, 0.0)), None);

@@ -124,6 +124,7 @@ impl Sphere {
 
 #[cfg(test)]
 mod tests {
+    use approx::abs_diff_eq;
     use glam::dvec3;
 
     use super::*;
@@ -188,7 +189,7 @@ mod tests {
             let t =
                 sphere().intersect(&Ray::new(origin, DVec3::Z), Span::FORWARD, Sides::Both, None).unwrap();
             let expected = 1e6 + 5.0 - f64::sqrt(1.0 - offset * offset);
-            assert!((t - expected).abs() < 1e-9, "{offset}: {t} against {expected}");
+            assert!(abs_diff_eq!(t, expected, epsilon = 1e-9), "{offset}: {t} against {expected}");
         }
     }
 

@@ -304,6 +304,7 @@ impl<S: Simd> Sheared<S> {
 #[cfg(test)]
 #[expect(clippy::float_cmp, reason = "the values are exact, worked out by hand")]
 mod tests {
+    use approx::abs_diff_eq;
     use glam::dvec3;
 
     use super::*;
@@ -413,7 +414,12 @@ mod tests {
             primitive.intersect(&ray, Span::FORWARD, Sides::Both, None).unwrap() / scale
         };
         for scale in [1e-100, 1e-150, 1e-155, 1e-158, 1e-161, 1e-200] {
-            assert!((t(scale) - t(1.0)).abs() < 1e-14, "{scale}: {} against {}", t(scale), t(1.0));
+            assert!(
+                abs_diff_eq!(t(scale), t(1.0), epsilon = 1e-14),
+                "{scale}: {} against {}",
+                t(scale),
+                t(1.0)
+            );
         }
     }
 
@@ -425,7 +431,7 @@ mod tests {
             let primitive = Primitive::from(Triangle::new(a, b, c));
             let ray = Ray::new(DVec3::ZERO, DVec3::Z);
             let t = primitive.intersect(&ray, Span::FORWARD, Sides::Both, None).unwrap();
-            assert!((t / distance - 1.0).abs() < 1e-14, "{size:e} at {distance:e}: {t:e}");
+            assert!(abs_diff_eq!(t / distance, 1.0, epsilon = 1e-14), "{size:e} at {distance:e}: {t:e}");
         }
     }
 

@@ -146,6 +146,7 @@ impl Default for Camera {
 
 #[cfg(test)]
 mod tests {
+    use approx::abs_diff_eq;
     use rayset_geometry::glam::dvec3;
 
     use super::*;
@@ -158,7 +159,7 @@ mod tests {
         assert!((top - dvec3(0.0, 1.0, -1.0) * 0.5_f64.sqrt()).length() < 1e-15, "{top}");
         // Twice as wide as high: tangent 2 to the right edge.
         let right = camera.ray(16.0, 4.0, 16, 8).direction();
-        assert!((right.x / -right.z - 2.0).abs() < 1e-14, "{right}");
+        assert!(abs_diff_eq!(right.x / -right.z, 2.0, epsilon = 1e-14), "{right}");
     }
 
     #[test]

@@ -181,6 +181,7 @@ impl Random {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn the_same_seed_gives_the_same_spheres_for_ever() {
@@ -223,7 +224,7 @@ mod tests {
             let radii = scene.radii().unwrap();
             f64::midpoint(radii.0, radii.1)
         };
-        assert!((radius(4) / radius(64) - 4.0).abs() < 1e-12);
+        assert_abs_diff_eq!(radius(4) / radius(64), 4.0, epsilon = 1e-12);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! What the entities of NFF files become, what is left out with a warning, and what is refused.
 
+use approx::assert_abs_diff_eq;
 use std::path::Path;
 
 use rayset_scene::geometry::{PrimitiveKind, Sides};
@@ -87,7 +88,7 @@ fn every_entity_becomes_what_it_says() {
     let kinds: Vec<_> = (0..4).map(|i| scene.location(PrimitiveId(i)).kind).collect();
     use PrimitiveKind::{Cone, Polygon, Sphere, Triangle};
     assert_eq!(kinds, [Sphere, Cone, Polygon, Triangle]);
-    assert!((scene.objects()[0].bounds.radius - 1.0).abs() < 1e-12);
+    assert_abs_diff_eq!(scene.objects()[0].bounds.radius, 1.0, epsilon = 1e-12);
 
     let matt = scene.material_of(ObjectId(0));
     assert_eq!(matt.diffuse, dvec3(0.8, 0.4, 0.2));
@@ -107,7 +108,7 @@ fn angle_is_between_the_middles_of_the_outer_rows() {
     let cosine = centre.direction().dot(top.direction());
     // The cosine of 22.5 degrees.
     let expected = (2.0 + 2.0_f64.sqrt()).sqrt() / 2.0;
-    assert!((cosine - expected).abs() < 1e-14, "{cosine}");
+    assert_abs_diff_eq!(cosine, expected, epsilon = 1e-14);
     // Of an image of unknown size only the edges are known.
     let without = *read(&ALL.replace("resolution 640 480", "")).scene.camera();
     assert_eq!(without, Camera::new(dvec3(1.0, 2.0, 3.0), DVec3::ZERO, DVec3::Z, 45.0).unwrap());

@@ -1,6 +1,7 @@
 //! Scene files: what each table becomes.
 #![cfg(feature = "toml")]
 
+use approx::abs_diff_eq;
 use std::path::{Path, PathBuf};
 
 use rayset_scene::geometry::{PrimitiveKind, Sides};
@@ -143,7 +144,7 @@ fn shapes_are_those_of_the_geometry() {
     let shading = |x, y| scene.surface_at(PrimitiveId(1), dvec3(x, y, 0.0)).shading_normal;
     assert_eq!((shading(0.0, 0.0), shading(0.0, 1.0)), (DVec3::Z, DVec3::X));
     let bounds: Vec<_> = scene.objects().iter().map(|object| object.bounds).collect();
-    assert!((bounds[0].radius - 0.5).abs() < 1e-12, "{:?}", bounds[0]);
+    assert!(abs_diff_eq!(bounds[0].radius, 0.5, epsilon = 1e-12), "{:?}", bounds[0]);
     // The circle round the base and the apex.
     assert!((bounds[3].center - dvec3(0.0, 0.75, 0.0)).length() < 1e-6, "{:?}", bounds[3]);
 }

@@ -1,5 +1,6 @@
 //! Every operation of every backend has the bits of the scalar operation, lane by lane.
 
+use approx::abs_diff_eq;
 use proptest::prelude::*;
 use rayset_simd::{Backend, CullLanes, Kernel, LaneMask, Lanes, MAX_LANES, Simd};
 
@@ -109,7 +110,11 @@ impl Kernel for CullingOnly<'_> {
                 let product = f64::from(self.a[i]) * f64::from(self.b[i]);
                 let exact = product + term * f64::from(self.a[i]);
                 let bound = f64::from(f32::EPSILON) * product.abs().max(exact.abs());
-                assert!((f64::from(fused.lane(i)) - exact).abs() <= bound, "{} off {exact}", fused.lane(i));
+                assert!(
+                    abs_diff_eq!(f64::from(fused.lane(i)), exact, epsilon = bound),
+                    "{} off {exact}",
+                    fused.lane(i)
+                );
                 assert_eq!(greater.lane(i).to_bits(), self.a[i].abs().max(self.b[i].abs()).to_bits());
             }
         }

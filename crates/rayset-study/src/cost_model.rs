@@ -72,6 +72,7 @@ impl CostModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn fit_recovers_a_model_that_holds() {
@@ -87,13 +88,13 @@ mod tests {
         for (expected, actual) in
             [(model.k, fitted.k), (model.lambda, fitted.lambda), (model.alpha, fitted.alpha)]
         {
-            assert!((expected - actual).abs() < 1e-10, "{expected} against {actual}");
+            assert_abs_diff_eq!(expected, actual, epsilon = 1e-10);
         }
     }
 
     #[test]
     fn threshold_is_where_the_ratio_is_one_without_a_constant_cost() {
         let model = CostModel { k: 0.511, lambda: 1.0, alpha: 0.0 };
-        assert!((model.ratio(8.0, model.threshold()) - 1.0).abs() < 1e-12);
+        assert_abs_diff_eq!(model.ratio(8.0, model.threshold()), 1.0, epsilon = 1e-12);
     }
 }

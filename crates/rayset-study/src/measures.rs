@@ -194,6 +194,7 @@ impl fmt::Display for Cost {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use rayset_engine::Work;
 
     use super::*;
@@ -220,7 +221,7 @@ mod tests {
         let percent = |which, among| {
             Counting { which, among }.percent(&counts(), &Speer1985Options::default()).unwrap()
         };
-        let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
+        let close = |a: f64, b: f64| assert_abs_diff_eq!(a, b, epsilon = 1e-9);
         close(percent(Which::Initial, Among::Cast), 40.0);
         close(percent(Which::Initial, Among::Hits), 400.0 / 6.0);
         close(percent(Which::WithoutLight, Among::Cast), 500.0 / 16.0);
@@ -236,9 +237,9 @@ mod tests {
     #[test]
     fn the_first_measure_is_that_of_the_engine() {
         let counts = counts();
-        assert!((Cost::TESTS.of(&counts) - float(counts.in_tests())).abs() < 1e-9);
+        assert_abs_diff_eq!(Cost::TESTS.of(&counts), float(counts.in_tests()), epsilon = 1e-9);
         let cost = Cost { k: 2.0, lambda_over_k: 0.5, pierce: 3.0, alpha: 1.0 };
-        assert!((cost.of(&counts) - (30.0 + 2.0 * 120.0 + 15.0 + 24.0)).abs() < 1e-9);
+        assert_abs_diff_eq!(cost.of(&counts), 30.0 + 2.0 * 120.0 + 15.0 + 24.0, epsilon = 1e-9);
     }
 
     #[test]

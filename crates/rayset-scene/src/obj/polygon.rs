@@ -220,6 +220,7 @@ fn turn(corners: [[f64; 2]; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     fn flat(points: &[(f64, f64)]) -> Vec<DVec3> {
         points.iter().map(|&(x, y)| DVec3::new(x, y, 0.0)).collect()
@@ -242,8 +243,8 @@ mod tests {
     fn assert_covered(corners: &[DVec3], area: f64) {
         let (n_triangles, sum, vector) = areas(corners);
         assert_eq!(n_triangles, corners.len() - 2, "{corners:?}");
-        assert!((sum - area).abs() < 1e-12 * area, "{sum} is covered of {area}");
-        assert!((vector.length() - area).abs() < 1e-12 * area, "some triangle is turned over");
+        assert_abs_diff_eq!(sum, area, epsilon = 1e-12 * area);
+        assert!(abs_diff_eq!(vector.length(), area, epsilon = 1e-12 * area), "some triangle is turned over");
     }
 
     /// In every order of the corners, either way round, in another plane.
@@ -352,7 +353,7 @@ mod tests {
         };
         let round: Vec<_> = (0..500).map(|i| circle(1.0, i)).collect();
         assert_eq!(areas(&round).0, 498);
-        assert!((areas(&round).1 - areas(&round).2.z).abs() < 1e-12);
+        assert_abs_diff_eq!(areas(&round).1, areas(&round).2.z, epsilon = 1e-12);
         let star: Vec<_> = (0..500).map(|i| circle(if i % 2 == 0 { 1.0 } else { 0.3 }, i)).collect();
         let (n_triangles, sum, vector) = areas(&star);
         assert_eq!(n_triangles, 498);

@@ -165,6 +165,7 @@ pub(crate) fn float(count: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn journals_from_before_cells_and_shafts_were_counted_hold_the_same_counts() {
@@ -194,6 +195,6 @@ mod tests {
         let text = serde_json::to_string(&shafts).unwrap();
         assert!(text.contains(r#""under_shafts":[0,1,2,3],"partitions""#), "{text}");
         assert_eq!(serde_json::from_str::<Counts>(&text).unwrap(), shafts);
-        assert!((shafts.percent_coherent() - 60.0).abs() < 1e-12);
+        assert_abs_diff_eq!(shafts.percent_coherent(), 60.0, epsilon = 1e-12);
     }
 }

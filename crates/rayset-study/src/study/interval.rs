@@ -72,6 +72,7 @@ impl fmt::Display for Median {
 #[expect(clippy::float_cmp, reason = "the values are exact")]
 mod tests {
     use super::*;
+    use approx::abs_diff_eq;
 
     #[test]
     fn tosses_add_up() {
@@ -91,7 +92,7 @@ mod tests {
         let values: Vec<f64> = (1..=8).map(f64::from).collect();
         let median = Median::of(&values);
         assert_eq!((median.value, median.low, median.high), (4.5, 2.0, 7.0));
-        assert!((median.confidence - 0.9297).abs() < 1e-4, "{median:?}");
+        assert!(abs_diff_eq!(median.confidence, 0.9297, epsilon = 1e-4), "{median:?}");
     }
 
     #[test]

@@ -168,6 +168,7 @@ impl OtherRow {
 mod tests {
     use super::*;
     use crate::{Table1, Table1Plan};
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     /// `speer-1985` and exact strategies are in the table too, so both ways must count the same.
     #[test]
@@ -197,7 +198,7 @@ mod tests {
             let expected = &ours.exact["bundle"];
             // One or two spheres need no container.
             assert_eq!(row.percent_coherent > 0.0, ours.spheres > Some(2));
-            assert!((row.percent_coherent - expected.percent_coherent).abs() < 1e-9);
+            assert_abs_diff_eq!(row.percent_coherent, expected.percent_coherent, epsilon = 1e-9);
             assert_eq!(row.ratio_work.to_bits(), expected.ratio_work.to_bits());
         }
         let rows = scenes.rows(StrategyKind::Speer1985, &path, &|_, _| ()).unwrap();
@@ -206,9 +207,9 @@ mod tests {
             let expected = &ours.strategies["speer-1985"];
             // The two round at other places.
             let median = |spread: Spread| spread.median;
-            assert!((row.percent_coherent - expected.percent_coherent).abs() < 1e-9);
+            assert_abs_diff_eq!(row.percent_coherent, expected.percent_coherent, epsilon = 1e-9);
             let medians = [row.percent_coherent_spread, expected.percent_coherent_spread].map(median);
-            assert!((medians[0] - medians[1]).abs() < 1e-9, "{medians:?}");
+            assert!(abs_diff_eq!(medians[0], medians[1], epsilon = 1e-9), "{medians:?}");
             assert_eq!(row.ratio_work.to_bits(), expected.ratio_work.to_bits());
             assert_eq!(row.wrong_pixels, expected.wrong_pixels);
         }

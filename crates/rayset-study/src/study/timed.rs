@@ -216,6 +216,7 @@ mod tests {
     use super::*;
     use crate::study::journal::Journal;
     use crate::study::runner::run_missing;
+    use approx::assert_abs_diff_eq;
 
     const CELL: Cell = Cell {
         spheres: 8,
@@ -277,7 +278,7 @@ mod tests {
         assert!(bundle.percent_coherent() > 50.0 && bundle.coherent == [0; 4], "{bundle:?}");
         assert_eq!((bundle.cast, hierarchical.cast), (cellular.cast, cellular.cast));
         let over_standard = timed.ratio_of_work(6, 0) / timed.ratio_of_work(5, 0);
-        assert!((timed.ratio_of_work(6, 5) / over_standard - 1.0).abs() < 1e-12);
+        assert_abs_diff_eq!(timed.ratio_of_work(6, 5) / over_standard, 1.0, epsilon = 1e-12);
         assert!(timed.ratio_of_time(6, 5) > 0.0);
     }
 

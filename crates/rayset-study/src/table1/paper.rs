@@ -83,6 +83,7 @@ pub(super) fn fit_of_the_paper() -> (CostModel, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::{abs_diff_eq, assert_abs_diff_eq};
 
     #[test]
     fn printed_ratios_do_not_follow_from_the_printed_times() {
@@ -95,14 +96,14 @@ mod tests {
 
     #[test]
     fn a_cylinder_costs_about_two_partitions() {
-        assert!((PAPER[3].k_over_lambda() - 0.511).abs() < 0.001);
+        assert_abs_diff_eq!(PAPER[3].k_over_lambda(), 0.511, epsilon = 0.001);
     }
 
     #[test]
     fn the_cost_model_does_not_fit_its_own_table() {
         let (model, error) = fit_of_the_paper();
-        assert!((model.alpha - 2.0).abs() < 0.1, "{model:?}");
-        assert!((1.0 + model.lambda - 3.15).abs() < 0.1, "{model:?}");
-        assert!((error - 0.072).abs() < 0.002, "{error}");
+        assert!(abs_diff_eq!(model.alpha, 2.0, epsilon = 0.1), "{model:?}");
+        assert!(abs_diff_eq!(1.0 + model.lambda, 3.15, epsilon = 0.1), "{model:?}");
+        assert_abs_diff_eq!(error, 0.072, epsilon = 0.002);
     }
 }

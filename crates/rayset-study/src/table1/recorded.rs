@@ -145,6 +145,7 @@ impl Recorded {
 mod tests {
     use super::*;
     use crate::{Table1, Table1Plan};
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn what_is_written_is_read_back() {
@@ -169,8 +170,8 @@ mod tests {
             for (recorded, exact) in recorded.exact.values().zip(row.exact.values()) {
                 // What is read from JSON may differ in the last bit.
                 let percent = recorded.percent_coherent.unwrap();
-                assert!((percent - exact.percent_coherent).abs() < 1e-9);
-                assert!((recorded.ratio_time.median - exact.ratio_time.median).abs() < 1e-9);
+                assert_abs_diff_eq!(percent, exact.percent_coherent, epsilon = 1e-9);
+                assert_abs_diff_eq!(recorded.ratio_time.median, exact.ratio_time.median, epsilon = 1e-9);
             }
         }
         let path = folder.path().join("table1.json");

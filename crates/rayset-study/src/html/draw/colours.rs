@@ -127,6 +127,7 @@ pub(super) fn readable_on(RGBColor(red, green, blue): RGBColor) -> RGBColor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::abs_diff_eq;
 
     #[test]
     fn one_is_white_and_the_ends_are_blue_and_red() {
@@ -142,7 +143,10 @@ mod tests {
     fn places_and_values_are_inverse() {
         for scale in [Scale::Percent, Scale::Ratio { octaves: 2.0 }] {
             for unit in [0.0, 0.25, 0.5, 1.0] {
-                assert!((scale.unit(scale.value(unit)) - unit).abs() < 1e-12, "{scale:?} {unit}");
+                assert!(
+                    abs_diff_eq!(scale.unit(scale.value(unit)), unit, epsilon = 1e-12),
+                    "{scale:?} {unit}"
+                );
             }
         }
     }

@@ -42,6 +42,7 @@ pub(super) fn predict(coefficients: &[f64], row: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_abs_diff_eq;
 
     #[test]
     fn coefficients_that_hold_are_found() {
@@ -50,7 +51,7 @@ mod tests {
         let y: Vec<_> = rows.iter().map(|row| predict(&[2.0, 0.5, 3.0], row)).collect();
         let found = fit_relative(&rows, &y);
         for (found, expected) in found.iter().zip([2.0, 0.5, 3.0]) {
-            assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+            assert_abs_diff_eq!(*found, expected, epsilon = 1e-6);
         }
     }
 

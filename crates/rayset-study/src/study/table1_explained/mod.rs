@@ -140,6 +140,7 @@ fn scores(journal: &Journal<Pair>, plan: &Plan, settings: &BTreeSet<Setting>) ->
 mod tests {
     use super::*;
     use crate::{Counts, Preset, Table1, Table1Plan};
+    use approx::assert_abs_diff_eq;
 
     /// The nearest setting as the findings have it: by its factors.
     fn nearest() -> Setting {
@@ -192,7 +193,7 @@ mod tests {
             let cost =
                 |count: fn(&Pair) -> &Counts| pairs.iter().map(|pair| preset.cost.of(count(pair))).sum();
             let (ours, standard): (f64, f64) = (cost(|pair| &pair.speer), cost(|pair| &pair.standard));
-            assert!((measured.fitted.unwrap().ratio - ours / standard).abs() < 1e-12);
+            assert_abs_diff_eq!(measured.fitted.unwrap().ratio, ours / standard, epsilon = 1e-12);
         }
         assert_eq!(column.spheres().count(), 4);
     }

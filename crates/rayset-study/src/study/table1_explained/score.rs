@@ -94,6 +94,7 @@ fn growth(tried: &Tried, cost: &Cost) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
+    use approx::assert_abs_diff_eq;
     use rayset_engine::Work;
 
     use super::*;
@@ -119,11 +120,11 @@ mod tests {
         let score = Score::of(&like_the_paper()).unwrap();
         assert!(score.coherence.error < 1e-9 && score.fixed_error() < 1e-3, "{score:?}");
         assert!(score.joint() <= score.joint_fixed() && score.joint_fixed() < 0.02);
-        assert!((score.wrong - 0.01).abs() < 1e-12);
+        assert_abs_diff_eq!(score.wrong, 0.01, epsilon = 1e-12);
         let (points, ratio) = score.on_others(&like_the_paper()).unwrap();
         assert!(points < 1e-9 && ratio < 1e-3);
         // One cost for all numbers of spheres does not grow at all: twelve times too little.
-        assert!((score.growth_error() - (1.0 - 0.283 / 3.396)).abs() < 1e-9, "{}", score.growth_error());
+        assert_abs_diff_eq!(score.growth_error(), 1.0 - 0.283 / 3.396, epsilon = 1e-9);
     }
 
     #[test]
@@ -131,6 +132,6 @@ mod tests {
         let mut tried = like_the_paper();
         tried.rows[2][0].speer.coherent[0] -= 20_000;
         let score = Score::of(&tried).unwrap();
-        assert!((score.coherence.error - 20.0).abs() < 1e-9);
+        assert_abs_diff_eq!(score.coherence.error, 20.0, epsilon = 1e-9);
     }
 }
