@@ -130,13 +130,10 @@ impl Blockers {
         let (records, known) = self.due();
         let (mut tests, mut answered) = (0, 0);
         for &record in &records[..known] {
-            for (packet, asked) in packets.iter_mut().zip(&mut *asked) {
-                let blocked = shapes.surely_hit(simd, record, shaft, packet).bits();
-                asked.block(simd, packet, blocked);
-                answered += u64::from(blocked.count_ones());
-                *primitive_tests += packet.len as u64;
-                tests += 1;
-            }
+            let blocking = shapes.block(simd, record, shaft, packets, asked);
+            answered += blocking.answered;
+            tests += blocking.packets;
+            *primitive_tests += blocking.rays;
         }
         if tests > 0 {
             // Under a shaft a ray takes about a step.

@@ -64,8 +64,8 @@ impl Left {
 
     /// The primitives that rays in lanes leave, and the lanes that leave them into their fronts.
     #[inline(always)]
-    pub(crate) fn split<const W: usize>(left: &[Self; W]) -> ([u32; W], u32) {
-        let fronts = (0..).zip(left).fold(0, |fronts, (lane, left)| fronts | (left.0 >> 31) << lane);
+    pub(crate) fn split<S: Simd, const W: usize>(simd: S, left: &[Self; W]) -> ([u32; W], u32) {
+        let fronts = simd.equal_u32(&left.map(|left| left.0 & Self::FRONT), Self::FRONT).bits();
         (left.map(|left| left.0 & !Self::FRONT), fronts)
     }
 

@@ -289,7 +289,7 @@ impl Few {
             // A ray is a half-line.
             let start = simd.load_f64(&columns.spans.0[first..]);
             let span = [zero.select(start.lt(zero), start), simd.load_f64(&columns.spans.1[first..])];
-            let left = LeftBy::of(columns, first, lanes);
+            let left = LeftBy::of(simd, columns, first, lanes);
             let mut known = question.nothing(simd);
             for &place in chosen {
                 let FewSphere { sphere, sides, number } = &self.spheres[place];
@@ -333,13 +333,13 @@ struct LeftBy {
 
 impl LeftBy {
     #[inline(always)]
-    fn of(columns: &RayColumns<'_>, first: usize, lanes: usize) -> Self {
+    fn of<S: Simd>(simd: S, columns: &RayColumns<'_>, first: usize, lanes: usize) -> Self {
         let mut left = [Left::NOTHING; MAX_LANES];
         let leaves = !columns.left.is_empty();
         if leaves {
             left[..lanes].copy_from_slice(&columns.left[first..first + lanes]);
         }
-        let (primitives, front) = Left::split(&left);
+        let (primitives, front) = Left::split(simd, &left);
         Self { primitives, front, leaves }
     }
 

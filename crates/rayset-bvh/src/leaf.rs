@@ -468,34 +468,102 @@ impl<const W: usize> Shapes<W> {
         self.runs().len() < 1 << (31 - PLACE_BITS)
     }
 
-    /// The rays of a packet that surely hit the primitive of a record.
+    /// Answers the rays of packets under a shaft that surely hit the primitive of a record, if any hit is an answer.
     #[inline(always)]
-    pub(crate) fn surely_hit<S: Simd>(
+    pub(crate) fn block<S: Simd, Q: Question<S, W>>(
         &self,
         simd: S,
         record: u32,
         shaft: &Shaft<S>,
-        packet: &Packet<S, W>,
-    ) -> Mask<S> {
+        packets: &mut [Packet<S, W>],
+        asked: &mut [Q],
+    ) -> Blocking {
         let (run, place) = self.place_of(record);
         let place = place as usize;
         let hittable = Hittable::of(simd, self, run);
-        let at = match run.kind {
+        match run.kind {
             PrimitiveKind::Triangle => {
-                let [a, b, c] = self.triangle_block(run).one(simd, place, shaft.axes);
-                let sheared = Sheared::<S>::of([packet.shear(a), packet.shear(b), packet.shear(c)]);
-                let (front, back) = hittable.by(simd, place, packet);
-                let (rounding, span) = (shaft.rounding(), packet.span());
-                sheared.intervals(simd, rounding, packet.factors[2], &span, front, back)
+                let vertices = self.triangle_block(run).one(simd, place, shaft.axes);
+                block(simd, &OneTriangle { hittable, place, vertices }, shaft, packets, asked)
             }
             PrimitiveKind::Sphere => {
                 let spheres = Spheres { hittable, block: self.sphere_block(run) };
-                spheres.intervals(simd, &spheres.one(simd, place, None), shaft, packet)
+                let one = spheres.one(simd, place, None);
+                block(simd, &(spheres, one), shaft, packets, asked)
             }
             PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                Others { hittable, shapes: self, run }.intervals(simd, place, shaft, packet)
+                block(simd, &(Others { hittable, shapes: self, run }, place), shaft, packets, asked)
             }
-        };
-        at.possible & at.sure
+        }
     }
+}
+
+/// One primitive that may block rays.
+trait Blocker<S: Simd, const W: usize> {
+    /// Where the rays of a packet hit it.
+    fn at(&self, simd: S, shaft: &Shaft<S>, packet: &Packet<S, W>) -> Intervals<S>;
+}
+
+struct OneTriangle<'a, S: Simd> {
+    hittable: Hittable<'a, S>,
+    place: usize,
+    /// In the order of the shaft's axes.
+    vertices: [[S::F32; 3]; 3],
+}
+
+impl<S: Simd, const W: usize> Blocker<S, W> for OneTriangle<'_, S> {
+    #[inline(always)]
+    fn at(&self, simd: S, shaft: &Shaft<S>, packet: &Packet<S, W>) -> Intervals<S> {
+        let [a, b, c] = self.vertices;
+        let sheared = Sheared::<S>::of([packet.shear(a), packet.shear(b), packet.shear(c)]);
+        let (front, back) = self.hittable.by(simd, self.place, packet);
+        sheared.intervals(simd, shaft.rounding(), packet.factors[2], &packet.span(), front, back)
+    }
+}
+
+impl<S: Simd, const W: usize> Blocker<S, W> for (Spheres<'_, S, W>, OneSphere<S>) {
+    #[inline(always)]
+    fn at(&self, simd: S, shaft: &Shaft<S>, packet: &Packet<S, W>) -> Intervals<S> {
+        self.0.intervals(simd, &self.1, shaft, packet)
+    }
+}
+
+impl<S: Simd, const W: usize> Blocker<S, W> for (Others<'_, S, W>, usize) {
+    #[inline(always)]
+    fn at(&self, simd: S, shaft: &Shaft<S>, packet: &Packet<S, W>) -> Intervals<S> {
+        self.0.intervals(simd, self.1, shaft, packet)
+    }
+}
+
+/// What came of asking packets about a blocker.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Blocking {
+    /// How many rays it blocks.
+    pub(crate) answered: u64,
+    /// How many packets, and rays of these, it was tested against.
+    pub(crate) packets: u64,
+    pub(crate) rays: u64,
+}
+
+/// Answers the rays that a primitive surely blocks, of packets that are not answered whole.
+#[inline(always)]
+fn block<S: Simd, Q: Question<S, W>, const W: usize>(
+    simd: S,
+    blocker: &impl Blocker<S, W>,
+    shaft: &Shaft<S>,
+    packets: &mut [Packet<S, W>],
+    asked: &mut [Q],
+) -> Blocking {
+    let mut blocking = Blocking::default();
+    for (packet, asked) in packets.iter_mut().zip(asked) {
+        if asked.is_open(packet) {
+            let at = blocker.at(simd, shaft, packet);
+            let blocked = (at.possible & at.sure).bits();
+            asked.block(simd, packet, blocked);
+            blocking.answered += u64::from(blocked.count_ones());
+            blocking.packets += 1;
+            blocking.rays += packet.len as u64;
+        }
+    }
+    blocking
 }

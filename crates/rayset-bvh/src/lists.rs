@@ -127,8 +127,13 @@ impl List for Occluded<'_> {
         packet: &Packet<S, W>,
         asked: Hidden,
     ) {
-        for lane in 0..packet.len {
-            self.0[packet.first + lane] = asked.lanes >> lane & 1 == 1;
+        // All lanes at once: one by one, the bits took as long as making the packet's shaft.
+        let hidden: [bool; W] = std::array::from_fn(|lane| asked.lanes >> lane & 1 == 1);
+        let places = &mut self.0[packet.first..packet.first + packet.len];
+        if let Some(all) = places.first_chunk_mut() {
+            *all = hidden;
+        } else {
+            places.copy_from_slice(&hidden[..packet.len]);
         }
     }
 }

@@ -204,7 +204,7 @@ impl<S: Simd, const W: usize> Packet<S, W> {
                 Some(all) => left.copy_from_slice(all),
                 None => left[..len].copy_from_slice(&rays.left[first..first + len]),
             }
-            (self.left, self.left_front) = Left::split(&left);
+            (self.left, self.left_front) = Left::split(simd, &left);
         }
         (self.first, self.len, self.advance, self.known) = (first, len, advance, 0);
         (self.start, self.end_below) = (starts, ends);

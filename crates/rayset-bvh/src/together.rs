@@ -26,6 +26,9 @@ pub(crate) trait Question<S: Simd, const W: usize>: Copy {
         at: &Intervals<S>,
     ) -> (bool, u32);
 
+    /// Whether any ray of the packet is still without an answer, if any hit is one.
+    fn is_open(&self, packet: &Packet<S, W>) -> bool;
+
     /// Takes in the lanes that a blocker of other rays surely blocks, if that is all that is asked.
     fn block(&mut self, simd: S, packet: &mut Packet<S, W>, lanes: u32);
 
@@ -76,6 +79,11 @@ impl<S: Simd, const W: usize> Question<S, W> for Nearest<S> {
             }
         }
         (true, tests)
+    }
+
+    #[inline(always)]
+    fn is_open(&self, _: &Packet<S, W>) -> bool {
+        true
     }
 
     #[inline(always)]
@@ -198,6 +206,11 @@ impl<S: Simd, const W: usize> Question<S, W> for Hidden {
         self.lanes |= more;
         packet.close(simd, more);
         (more != 0, tests)
+    }
+
+    #[inline(always)]
+    fn is_open(&self, packet: &Packet<S, W>) -> bool {
+        !self.lanes & (u32::MAX >> (32 - packet.len)) != 0
     }
 
     #[inline(always)]
