@@ -11,7 +11,7 @@ pub const VERTEX_MARGIN: f32 = 12.0;
 /// How far the distance of a vertex may be off.
 pub(crate) const DEPTH_MARGIN: f32 = 12.0;
 /// How far a distance to a triangle may be off, apart from its weights.
-const TRIANGLE_DISTANCE_MARGIN: f32 = 80.0;
+const TRIANGLE_DISTANCE_MARGIN: f32 = 40.0;
 
 /// `W` triangles.
 #[derive(Clone, Debug)]
@@ -117,7 +117,7 @@ impl Rounding {
     pub(crate) fn of_edges<S: Simd>(self, simd: S, extent: S::F32) -> S::F32 {
         // No vertex is farther from the ray than twice the extent, sheared.
         let error = self.of_vertex();
-        let (linear, constant) = (16.0 * error * self.scale, 48.0 * error * error);
+        let (linear, constant) = (12.0 * error * self.scale, 36.0 * error * error);
         extent.mul_add(simd.splat_f32(linear), simd.splat_f32(constant))
     }
 }
@@ -156,9 +156,9 @@ impl<S: Simd> Sheared<S> {
     pub(crate) fn sides(&self, simd: S, rounding: Rounding) -> Sides<S> {
         let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = self.vertices;
         let size = ax.max_abs(ay).max_abs(bx.max_abs(by)).max_abs(cx.max_abs(cy));
-        // |a_x b_y - a_y b_x| is off by 4 e m, rounded up, and what is left of second order.
+        // |a_x b_y - a_y b_x| is off by 5.2 e m, rounded up, and what is left of second order.
         let error = rounding.of_vertex();
-        let (first, second) = (8.0 * error, 4.0 * error * error);
+        let (first, second) = (6.0 * error, 4.0 * error * error);
         let error = size.mul_add(simd.splat_f32(first), simd.splat_f32(second));
         let twice = error + error;
         Sides {
