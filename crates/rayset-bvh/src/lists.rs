@@ -127,7 +127,7 @@ impl List for Occluded<'_> {
         packet: &Packet<S, W>,
         asked: Hidden,
     ) {
-        // All lanes at once: one by one, the bits took as long as making the packet's shaft.
+        // All lanes at once: one by one, the bits took more than half as long as the packet's shaft.
         let hidden: [bool; W] = std::array::from_fn(|lane| asked.lanes >> lane & 1 == 1);
         let places = &mut self.0[packet.first..packet.first + packet.len];
         if let Some(all) = places.first_chunk_mut() {
