@@ -20,7 +20,7 @@ use crate::shaft::Shaft;
 use crate::shapes::Shapes;
 use crate::together::Question;
 use crate::trial::Trial;
-use crate::triangles::{Rounding, Sheared};
+use crate::triangles::Sheared;
 
 /// How many blockers are remembered.
 const REMEMBERED: usize = 4;
@@ -172,8 +172,8 @@ impl<S: Simd, const W: usize> Part<S> for Blocked<'_, W> {
             PrimitiveKind::Triangle => {
                 let [a, b, c] = shapes.triangle_block(run).one(simd, place as usize, [0, 1, 2]);
                 let vertices = [lanes.shear(a), lanes.shear(b), lanes.shear(c)];
-                let rounding = Rounding { unit: lanes.unit, scale: 1.0 };
-                Sheared::of(vertices).intervals(simd, rounding, lanes.factors[2], &lanes.span, front, back)
+                let sheared = Sheared::of(vertices);
+                sheared.intervals(simd, lanes.rounding, &lanes.shears, &lanes.span, front, back)
             }
             // No interval without a shaft.
             PrimitiveKind::Polygon | PrimitiveKind::Cone => return 0,

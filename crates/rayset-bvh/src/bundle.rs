@@ -18,7 +18,7 @@ use crate::few::{BLOCK, BlocksOfFew, EachOfFew};
 use crate::frame::Frame;
 use crate::hierarchy::{Hierarchy, Scratch, Task, Wide};
 use crate::lists::{List, NearestHits, Occluded};
-use crate::packet::{Approach, Packet, level};
+use crate::packet::{Approach, Packet, Units, level};
 use crate::shaft::Shaft;
 use crate::shapes::Shapes;
 use crate::together::Question;
@@ -384,13 +384,13 @@ impl<const W: usize> Wide<W> {
         scratch: &mut BundleScratch,
     ) {
         let n = len.div_ceil(W);
-        let approach = Approach::of(frame, rays, first..first + len);
         let mut packets = [Packet::<S, W>::none(simd); W];
+        let approach = Approach::of(frame, rays, first..first + len, self.shapes.is_flat());
         let packets = &mut packets[..n];
         for (p, packet) in packets.iter_mut().enumerate() {
-            packet.take(simd, frame, rays, (first + p * W, (len - p * W).min(W)), &approach);
+            packet.take(simd, (first + p * W, (len - p * W).min(W)), &approach);
         }
-        let Some(unit) = level(simd, frame, packets, &approach) else {
+        let Some(units) = level(simd, packets, &approach) else {
             scratch.classes[class].tiles.end(PACKET_STEPS * n as u64, 0);
             self.alone(simd, frame, rays, first..first + len, is_known, class, list, scratch);
             return;
@@ -405,7 +405,7 @@ impl<const W: usize> Wide<W> {
         // Packets have to be made without a tile too.
         let making = PACKET_STEPS * n as u64;
         let (mut is_done, mut spent, mut worth) = (false, making, making);
-        if let Some(shaft) = Shaft::around(simd, packets, unit) {
+        if let Some(shaft) = Shaft::around(simd, packets, units, &approach) {
             let known = &mut scratch.classes[class];
             let most = known.steps(len);
             if L::ANY {
@@ -430,7 +430,8 @@ impl<const W: usize> Wide<W> {
         }
         for (packet, asked) in packets.iter_mut().zip(asked) {
             let is_due = packet.len >= LEAST_PACKET && scratch.classes[class].packets.is_due();
-            self.packet(simd, &exact, packet, asked, (unit, is_due), class, list, scratch);
+            let due = is_due.then_some((units, approach.by(packet)));
+            self.packet(simd, &exact, packet, asked, due, class, list, scratch);
         }
     }
 
@@ -457,10 +458,10 @@ impl<const W: usize> Wide<W> {
             if !(len >= LEAST_PACKET && scratch.classes[class].packets.is_due()) {
                 continue;
             }
-            let approach = Approach::of(frame, rays, first..first + len);
+            let approach = Approach::of(frame, rays, first..first + len, self.shapes.is_flat());
             let mut packet = [Packet::<S, W>::none(simd)];
-            packet[0].take(simd, frame, rays, (first, len), &approach);
-            let Some(unit) = level(simd, frame, &mut packet, &approach) else {
+            packet[0].take(simd, (first, len), &approach);
+            let Some(units) = level(simd, &mut packet, &approach) else {
                 scratch.classes[class].packets.end(PACKET_STEPS, 0);
                 continue;
             };
@@ -471,7 +472,7 @@ impl<const W: usize> Wide<W> {
             if is_known {
                 list.begin(simd, frame, &mut packet[0], &mut asked);
             }
-            self.packet(simd, &exact, &mut packet[0], asked, (unit, true), class, list, scratch);
+            self.packet(simd, &exact, &mut packet[0], asked, Some((units, approach)), class, list, scratch);
             next = first + len;
         }
         if next < end {
@@ -488,15 +489,15 @@ impl<const W: usize> Wide<W> {
         exact: &Exact<'_, W>,
         packet: &mut Packet<S, W>,
         mut asked: L::Asked<S, W>,
-        (unit, is_due): (f32, bool),
+        due: Option<(Units, Approach<'_>)>,
         class: usize,
         list: &mut L,
         scratch: &mut BundleScratch,
     ) {
         let (mut is_done, mut spent, mut worth) = (false, PACKET_STEPS, 0);
-        if is_due {
+        if let Some((units, approach)) = due {
             let packets = std::slice::from_mut(&mut *packet);
-            if let Some(shaft) = Shaft::around(simd, packets, unit) {
+            if let Some(shaft) = Shaft::around(simd, packets, units, &approach) {
                 if L::ANY {
                     let (blockers, asked) =
                         (&mut scratch.classes[class].blockers, std::slice::from_mut(&mut asked));

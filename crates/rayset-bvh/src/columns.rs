@@ -151,10 +151,15 @@ impl<'a> RayColumns<'a> {
     }
 
     #[inline(always)]
+    pub(crate) fn direction(&self, i: usize) -> DVec3 {
+        let [x, y, z] = self.directions;
+        DVec3::new(x[i], y[i], z[i])
+    }
+
+    #[inline(always)]
     pub(crate) fn ray(&self, i: usize) -> (Ray, Span) {
-        let at = |columns: &[&[f64]; 3]| DVec3::new(columns[0][i], columns[1][i], columns[2][i]);
         let span = Span { start: self.spans.0[i], end: self.spans.1[i] };
-        (Ray::new(at(&self.origins), at(&self.directions)), ahead(span))
+        (Ray::new(self.origin(i), self.direction(i)), ahead(span))
     }
 
     #[inline(always)]

@@ -130,7 +130,7 @@ mod tests {
                 let origin = plane + off;
                 let is_hit = (hit - origin) / direction >= start;
                 let column = [origin; 16];
-                let frame = Frame { center: DVec3::ZERO, scale: 1.0, remoteness: 0.0 };
+                let frame = Frame { center: DVec3::ZERO, scale: 1.0, remoteness: 0.0, reach: 1.0 };
                 let lost_here = if S::F32::LANES == 16 {
                     super::lost::<S, 16>(simd, &frame, 0, &column, (0, 16))
                 } else {

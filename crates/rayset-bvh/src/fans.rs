@@ -13,7 +13,7 @@ use crate::interval::Intervals;
 use crate::packet::Packet;
 use crate::ray::CullRay;
 use crate::shaft::Shaft;
-use crate::triangles::{DEPTH_MARGIN, Rounding, Sheared, Sides, TriangleBlock};
+use crate::triangles::{Sheared, Sides, TriangleBlock};
 
 /// A polygon of more vertices is not tested as a fan: by its `f64` test alone it is as fast.
 const MOST_VERTICES: usize = 8;
@@ -81,17 +81,16 @@ impl<const W: usize> FanBlock<W> {
     #[inline(always)]
     pub(crate) fn test<S: Simd, const N: usize>(&self, simd: S, ray: CullRay<'_, N>) -> Option<Fans<W>> {
         let sheared = self.triangles.shear(simd, ray);
-        let Sides { may_front, may_back, front, back, .. } =
-            sheared.sides(simd, Rounding { unit: ray.unit(), scale: 1.0 });
+        let Sides { may_front, may_back, front, back, .. } = sheared.sides(simd, ray.rounding());
         let possible = (may_front | may_back).bits();
         if possible == 0 {
             return None;
         }
-        let [a, b, c] = sheared.depths(simd.splat_f32(ray.factors()[2]));
-        let slack = simd.splat_f32(DEPTH_MARGIN * ray.unit());
+        let [nearest, farthest] = sheared.within(&ray.shears(simd));
+        let slack = ray.rounding().of_distances(simd, [nearest, farthest]);
         let (mut lows, mut highs) = ([0.0; W], [0.0; W]);
-        (a.min(b).min(c) - slack).store(&mut lows);
-        (a.max(b).max(c) + slack).store(&mut highs);
+        (nearest - slack).store(&mut lows);
+        (farthest + slack).store(&mut highs);
         Some(Fans { possible, front: front.bits(), back: back.bits(), lows, highs })
     }
 
@@ -110,24 +109,23 @@ impl<const W: usize> FanBlock<W> {
         let none = simd.mask_f32(0);
         let (mut met, mut several, mut sure) = (none, none, none);
         let (mut low, mut high) = (simd.splat_f32(f32::INFINITY), simd.splat_f32(f32::NEG_INFINITY));
-        let unit = shaft.steepness * shaft.unit;
         for lane in 0..W {
             if self.lanes[lane] == 0 || usize::from(self.owners[lane]) != place {
                 continue;
             }
             let [a, b, c] = self.triangles.one(simd, lane, shaft.axes);
-            let vertices = [packet.shear(a), packet.shear(b), packet.shear(c)];
+            let vertices = [packet.shears.of(a), packet.shears.of(b), packet.shears.of(c)];
             let sheared = Sheared::of(vertices);
-            let sides = sheared.sides(simd, shaft.rounding());
+            let sides = sheared.sides(simd, shaft.rounding);
             let possible = sides.may_front | sides.may_back;
             several = several | (met & possible);
             met = met | possible;
             sure = sure | (sides.front & front) | (sides.back & back);
-            let [a, b, c] = sheared.depths(packet.factors[2]);
-            low = low.min(a.min(b).min(c));
-            high = high.max(a.max(b).max(c));
+            let [nearest, farthest] = sheared.within(&packet.shears);
+            low = low.min(nearest);
+            high = high.max(farthest);
         }
-        let slack = simd.splat_f32(DEPTH_MARGIN * unit);
+        let slack = shaft.rounding.of_distances(simd, [low, high]);
         let possible = met & (front | back);
         Intervals { possible, sure: sure & !several, low: low - slack, high: high + slack }
     }
@@ -245,7 +243,7 @@ mod tests {
                 let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
                 let copies = Copies::<8>::of(&ray, Span::FORWARD);
                 let mut rays = CullRays::<8>::alone(Scalar, &frame, &copies.columns(), Targets::FLAT);
-                rays.unit = rays.unit.map(|unit| unit * self.factor);
+                rays.loosen(self.factor);
                 let Some(cull) = rays.ray(0) else { continue };
                 let vertices = polygon.vertices();
                 let found = if S::F32::LANES == 16 {
@@ -310,11 +308,11 @@ mod tests {
                 spans: (&[0.0; W], &[f64::INFINITY; W]),
                 left: &[],
             };
-            let approach = Approach::of(frame, &rays, 0..W);
-            let mut packet = [Packet::<S, W>::new(simd, frame, &rays, 0, W, &approach)];
-            let Some(unit) = level(simd, frame, &mut packet, &approach) else { return };
-            let Some(mut shaft) = Shaft::around(simd, &mut packet, unit) else { return };
-            shaft.unit *= factor;
+            let approach = Approach::of(frame, &rays, 0..W, true);
+            let mut packet = [Packet::<S, W>::new(simd, 0, W, &approach)];
+            let Some(units) = level(simd, &mut packet, &approach) else { return };
+            let Some(mut shaft) = Shaft::around(simd, &mut packet, units, &approach) else { return };
+            shaft.rounding = shaft.rounding.times(factor);
             let packet = &packet[0];
             let mut block = FanBlock::<W>::EMPTY;
             block.set(1, 3, vertices, frame);

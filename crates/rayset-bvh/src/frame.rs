@@ -7,6 +7,9 @@ use rayset_geometry::glam::DVec3;
 /// far below the margins only above that; see `docs/numerics.md`.
 const LEAST_HALF: f64 = f64::from_bits((1023 - 480) << 52);
 
+/// What is smaller in culling space counts as this large.
+const LEAST_REACH: f32 = 0.25;
+
 /// World space to culling space: `x' = (x - center) scale`, the scale a power of two.
 ///
 /// Everything that can be hit has coordinates of at most 1 there, so single precision neither overflows nor
@@ -17,6 +20,8 @@ pub(crate) struct Frame {
     pub(crate) scale: f64,
     /// The centre's largest coordinate, in units of culling space.
     pub(crate) remoteness: f64,
+    /// The largest coordinate of anything in culling space, or more.
+    pub(crate) reach: f32,
 }
 
 /// A box in culling space, in single precision, never smaller than what it was made of.
@@ -49,14 +54,18 @@ impl Frame {
     /// The frame of a scene with these bounds.
     pub(crate) fn of(bounds: &BoundingBox) -> Self {
         if bounds.is_empty() {
-            return Self { center: DVec3::ZERO, scale: 1.0, remoteness: 0.0 };
+            return Self { center: DVec3::ZERO, scale: 1.0, remoteness: 0.0, reach: 1.0 };
         }
         let half = 0.5 * bounds.diagonal().max_element();
         // The next power of two, so that scaling rounds nothing; kept in the range where its inverse is finite.
         let exponent = (half.max(LEAST_HALF).to_bits() >> 52).min(2044);
         let scale = f64::from_bits((2045 - exponent) << 52);
         let center = bounds.center();
-        Self { center, scale, remoteness: center.abs().max_element() * scale }
+        let remoteness = center.abs().max_element() * scale;
+        let frame = Self { center, scale, remoteness, reach: 1.0 };
+        let [low, high] = [bounds.min, bounds.max].map(|corner| frame.point(corner).abs().max_element());
+        // What lies in smaller scenes is rounded as in one of this size.
+        Self { reach: round_up(low.max(high)).max(LEAST_REACH), ..frame }
     }
 
     /// A point in culling space.

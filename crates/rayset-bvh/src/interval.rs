@@ -212,7 +212,7 @@ mod tests {
     use super::*;
     use crate::frame::Frame;
     use crate::ray::{Copies, CullRays, Targets};
-    use crate::triangles::{Rounding, TriangleBlock};
+    use crate::triangles::TriangleBlock;
 
     /// How often the single-precision answer contradicts the exact one, and how often it is unsure.
     #[derive(Debug, Default)]
@@ -298,7 +298,7 @@ mod tests {
                     &Copies::<8>::of(&ray, span).columns(),
                     Targets::FLAT,
                 );
-                rays.unit = rays.unit.map(|unit| unit * self.factor);
+                rays.loosen(self.factor);
                 let Some(cull) = rays.ray(0) else {
                     tally.lost += 1;
                     continue;
@@ -311,7 +311,7 @@ mod tests {
                     block.set(3, vertices);
                     wide.set(3, vertices);
                     let end = cull.end(span.end);
-                    let rounding = Rounding { unit: cull.unit(), scale: 1.0 };
+                    let rounding = cull.rounding();
                     let (mut found, near) = if S::F32::LANES == 16 {
                         let error =
                             rounding.of_edges(simd, wide.boxes(simd, &mut BoxBlock::<16>::EMPTY.clone()));

@@ -138,7 +138,7 @@ impl<S: Simd, const W: usize> Triangles<'_, S, W> {
         packet: &Packet<S, W>,
     ) -> Intervals<S> {
         let (front, back) = self.hittable.by(simd, place, packet);
-        sheared.intervals(simd, shaft.rounding(), packet.factors[2], &packet.span(), front, back)
+        sheared.intervals(simd, shaft.rounding, &packet.shears, &packet.span(), front, back)
     }
 
     /// Tells where the rays of a packet may hit the triangle at a place.
@@ -181,7 +181,8 @@ impl<S: Simd, const W: usize> Primitives<S, W> for Triangles<'_, S, W> {
     fn test<Q: Question<S, W>>(&self, simd: S, one: &OneOrTwo<S>, taker: &mut Taker<'_, S, Q, W>) {
         let packet = &*taker.packet;
         let [a, b, c, d] = one.vertices;
-        let (a, b, c) = (packet.shear(a), packet.shear(b), packet.shear(c));
+        let shears = &packet.shears;
+        let (a, b, c) = (shears.of(a), shears.of(b), shears.of(c));
         let Some(partner) = one.partner else {
             let sheared = Sheared::<S>::of([a, b, c]);
             // Most tests are done with here.
@@ -190,7 +191,7 @@ impl<S: Simd, const W: usize> Primitives<S, W> for Triangles<'_, S, W> {
             }
             return;
         };
-        let [first, second] = Sheared::<S>::two([a, b, c, packet.shear(d)]);
+        let [first, second] = Sheared::<S>::two([a, b, c, shears.of(d)]);
         let (near_first, near_second) = (first.near(one.errors[0]), second.near(one.errors[1]));
         if !(near_first | near_second).any() {
             return;
@@ -329,7 +330,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Asking<'_, S, Q, W> {
                 PrimitiveKind::Triangle => {
                     let block = shapes.triangle_block(run);
                     let extents = block.boxes(simd, &mut boxes);
-                    shaft.rounding().of_edges(simd, extents).store(&mut errors.0);
+                    shaft.rounding.of_edges(simd, extents).store(&mut errors.0);
                     let columns = block.columns(shaft.axes);
                     let exact = shapes.triangles_of(run);
                     let triangles =
@@ -515,9 +516,10 @@ impl<S: Simd, const W: usize> Blocker<S, W> for OneTriangle<'_, S> {
     #[inline(always)]
     fn at(&self, simd: S, shaft: &Shaft<S>, packet: &Packet<S, W>) -> Intervals<S> {
         let [a, b, c] = self.vertices;
-        let sheared = Sheared::<S>::of([packet.shear(a), packet.shear(b), packet.shear(c)]);
+        let shears = &packet.shears;
+        let sheared = Sheared::<S>::of([shears.of(a), shears.of(b), shears.of(c)]);
         let (front, back) = self.hittable.by(simd, self.place, packet);
-        sheared.intervals(simd, shaft.rounding(), packet.factors[2], &packet.span(), front, back)
+        sheared.intervals(simd, shaft.rounding, &packet.shears, &packet.span(), front, back)
     }
 }
 

@@ -44,6 +44,7 @@ mod pairs;
 mod ray;
 mod shaft;
 mod shapes;
+mod shear;
 mod together;
 mod traverse;
 mod trial;
@@ -63,7 +64,7 @@ pub use ray::SLAB_MARGIN;
 pub use shaft::SHAFT_MARGIN;
 pub use shapes::Hit;
 pub use traverse::Steps;
-pub use triangles::VERTEX_MARGIN;
+pub use triangles::{DISTANCE_MARGIN, EDGE_MARGIN, VERTEX_MARGIN, WEIGHT_MARGIN};
 
 /// The examples of the readme, compiled.
 #[cfg(doctest)]

@@ -8,6 +8,7 @@ use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::frame::{Frame, round_down, round_up};
 use crate::interval::SpanLanes;
 use crate::ray::{FAR, HIT_MARGIN, LEAST_COMPONENT, SINGLE, SLAB_MARGIN};
+use crate::shear::{Doubles, Room, Shears, Ways};
 
 /// Where a lane without a ray ends, and one that asks for nothing more.
 const NOWHERE: f32 = -1e30;
@@ -28,9 +29,9 @@ pub(crate) struct Packet<S: Simd, const W: usize> {
     advance: f64,
     pub(crate) origin: [S::F32; 3],
     pub(crate) direction: [S::F32; 3],
-    /// The shear along the axis of a shaft, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`; and the origins, sheared.
-    pub(crate) factors: [S::F32; 3],
-    pub(crate) sheared: [S::F32; 3],
+    /// The shears along the last of the axes in an order.
+    pub(crate) shears: Shears<S>,
+    pub(crate) axes: [usize; 3],
     /// The spans, outwards and inwards; lanes without a ray have none.
     pub(crate) start: S::F32,
     pub(crate) start_above: S::F32,
@@ -75,33 +76,84 @@ impl<S: Simd> Slabs<S> {
     }
 }
 
-/// How rays that start far off are brought near before single precision sees them.
+/// Rays of a list, and how those that start far off are brought near before single precision sees them.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Approach {
+pub(crate) struct Approach<'a> {
+    pub(crate) frame: &'a Frame,
+    rays: &'a RayColumns<'a>,
+    /// The axis along which the rays go most, last of the axes in an order.
+    pub(crate) axes: [usize; 3],
+    /// Whether they meet flat shapes, for which they are sheared.
+    pub(crate) is_flat: bool,
     /// How far all are moved along their directions, in units of culling space.
     advance: f64,
     /// The largest coordinate of an origin that was moved.
     size: f64,
 }
 
-impl Approach {
-    /// That of some rays of a list: none, if the first starts nearby.
+impl<'a> Approach<'a> {
+    /// That of some rays of a list: they are moved only if the first starts far off.
     #[inline(always)]
-    pub(crate) fn of(frame: &Frame, rays: &RayColumns<'_>, range: Range<usize>) -> Self {
+    pub(crate) fn of(frame: &'a Frame, rays: &'a RayColumns<'a>, range: Range<usize>, is_flat: bool) -> Self {
+        let axes = common_axes(rays, range.clone());
+        let approach = Self { frame, rays, axes, is_flat, advance: 0.0, size: 0.0 };
         let is_far = frame.point(rays.origin(range.start)).abs().max_element() > f64::from(FAR);
-        if is_far { Self::of_far(frame, rays, range) } else { Self { advance: 0.0, size: 0.0 } }
+        if is_far { approach.from_afar(range) } else { approach }
     }
 
     #[inline(never)]
-    fn of_far(frame: &Frame, rays: &RayColumns<'_>, range: Range<usize>) -> Self {
+    fn from_afar(self, range: Range<usize>) -> Self {
         let (mut nearest, mut size) = (f64::INFINITY, 0.0_f64);
         for i in range {
-            let origin = frame.point(rays.origin(i));
+            let origin = self.frame.point(self.rays.origin(i));
             nearest = nearest.min(origin.length());
             size = size.max(origin.abs().max_element());
         }
-        Self { advance: (nearest - BEFORE).max(0.0), size }
+        Self { advance: (nearest - BEFORE).max(0.0), size, ..self }
     }
+
+    /// The same, with the axis along which some of the rays go most.
+    #[inline(always)]
+    pub(crate) fn by<S: Simd, const W: usize>(self, packet: &Packet<S, W>) -> Self {
+        Self { axes: common_axes(self.rays, packet.first..packet.first + packet.len), ..self }
+    }
+
+    /// The rays from `first` on, 1 to `W` of them, and their shears.
+    #[inline(always)]
+    pub(crate) fn ways<S: Simd, const W: usize>(&self, simd: S, (first, len): (usize, usize)) -> Ways<S> {
+        let Self { frame, rays, axes, advance, .. } = *self;
+        let room;
+        let doubles = if advance.abs() > 0.0 || len < W {
+            room = Room::<W>::of(frame, rays, (first, len), advance);
+            Doubles::within(&room)
+        } else {
+            Doubles::of(frame, rays, first..first + W)
+        };
+        doubles.ways::<S, W>(simd, axes)
+    }
+}
+
+/// The axes in an order such that the first, a middle and the last of some rays go most along the last; turned the other
+/// way if they go against it, since a mirrored axis would turn triangles round.
+#[inline(always)]
+fn common_axes(rays: &RayColumns<'_>, range: Range<usize>) -> [usize; 3] {
+    let middle = range.start + range.len() / 2;
+    let sum = rays.direction(range.start) + rays.direction(middle) + rays.direction(range.end - 1);
+    let size = sum.abs();
+    let mut z = usize::from(size.y > size.x);
+    if size.z > size[z] {
+        z = 2;
+    }
+    if sum[z] < 0.0 { [(z + 2) % 3, (z + 1) % 3, z] } else { [(z + 1) % 3, (z + 2) % 3, z] }
+}
+
+/// How far coordinates may be off in culling space.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Units {
+    /// Those of origins: the rounding of single precision for the largest, and what `f64` adds.
+    pub(crate) of_rays: f32,
+    /// Those of what lies in the scene.
+    pub(crate) of_scene: f32,
 }
 
 /// Values from `first` on, one a lane; where fewer are left, the last again. If rays are moved, with what is added to
@@ -142,8 +194,8 @@ impl<S: Simd, const W: usize> Packet<S, W> {
             advance: 0.0,
             origin: [zero; 3],
             direction: [zero; 3],
-            factors: [zero; 3],
-            sheared: [zero; 3],
+            shears: Shears::none(simd),
+            axes: [0, 1, 2],
             start: zero,
             start_above: zero,
             end_below: zero,
@@ -157,38 +209,30 @@ impl<S: Simd, const W: usize> Packet<S, W> {
 
     /// The rays of columns from `first` on: 1 to `W` of them.
     #[cfg(test)]
-    pub(crate) fn new(
-        simd: S,
-        frame: &Frame,
-        rays: &RayColumns<'_>,
-        first: usize,
-        len: usize,
-        approach: &Approach,
-    ) -> Self {
+    pub(crate) fn new(simd: S, first: usize, len: usize, approach: &Approach<'_>) -> Self {
         let mut packet = Self::none(simd);
-        packet.take(simd, frame, rays, (first, len), approach);
+        packet.take(simd, (first, len), approach);
         packet
     }
 
     /// Takes rays of columns from `first` on: 1 to `W` of them.
     #[inline(always)]
-    pub(crate) fn take(
-        &mut self,
-        simd: S,
-        frame: &Frame,
-        rays: &RayColumns<'_>,
-        (first, len): (usize, usize),
-        approach: &Approach,
-    ) {
-        let advance = approach.advance;
+    pub(crate) fn take(&mut self, simd: S, (first, len): (usize, usize), approach: &Approach<'_>) {
+        let Approach { frame, rays, advance, .. } = *approach;
         let moved = advance > 0.0;
         let zero = simd.splat_f32(0.0);
         let place = (first, len);
-        for k in 0..3 {
-            let along = moved.then_some((rays.directions[k], advance));
-            let column = rays.origins[k];
-            self.origin[k] = narrow::<S, W>(simd, column, place, (frame.center[k], frame.scale), along);
-            self.direction[k] = narrow::<S, W>(simd, rays.directions[k], place, (0.0, 1.0), None);
+        if approach.is_flat {
+            let ways = approach.ways::<S, W>(simd, place);
+            (self.origin, self.direction, self.shears) = (ways.origin, ways.direction, ways.shears);
+            self.axes = approach.axes;
+        } else {
+            for k in 0..3 {
+                let along = moved.then_some((rays.directions[k], advance));
+                let column = rays.origins[k];
+                self.origin[k] = narrow::<S, W>(simd, column, place, (frame.center[k], frame.scale), along);
+                self.direction[k] = narrow::<S, W>(simd, rays.directions[k], place, (0.0, 1.0), None);
+            }
         }
         // Spans begin where the origins now are.
         let back = moved.then_some((&[][..], advance));
@@ -228,6 +272,23 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         slabs
     }
 
+    /// Shears its rays along another axis, if they are.
+    #[inline(always)]
+    pub(crate) fn turn(&mut self, simd: S, approach: &Approach<'_>) {
+        let [x, y, z] = approach.axes;
+        if !approach.is_flat {
+            // Nothing is sheared but the lines of a shaft, whose margin holds what single precision makes of that.
+            let inverse = simd.splat_f32(1.0) / self.direction[z];
+            let [sx, sy] = [-self.direction[x] * inverse, -self.direction[y] * inverse];
+            let [ox, oy, oz] = [self.origin[x], self.origin[y], self.origin[z]];
+            let crossings = [sx.mul_add(oz, ox), sy.mul_add(oz, oy), -oz * inverse];
+            self.shears = Shears { factors: [sx, sy, inverse], crossings };
+        } else if self.axes[0] != x || self.axes[1] != y {
+            self.shears = approach.ways::<S, W>(simd, (self.first, self.len)).shears;
+        }
+        self.axes = approach.axes;
+    }
+
     /// The largest coordinate of each origin.
     #[inline(always)]
     fn sizes(&self) -> S::F32 {
@@ -254,13 +315,6 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         let end_slack = self.ends.abs() * rounding + slack;
         self.end_below = self.end_below - end_slack;
         self.ends = self.ends + end_slack;
-    }
-
-    /// A vertex that is the same in every lane, its axes those of the shaft, sheared along each ray.
-    #[inline(always)]
-    pub(crate) fn shear(&self, [vx, vy, vz]: [S::F32; 3]) -> [S::F32; 3] {
-        let ([sx, sy, _], [ox, oy, oz]) = (self.factors, self.sheared);
-        [vz.mul_add(sx, vx) - ox, vz.mul_add(sy, vy) - oy, vz - oz]
     }
 
     /// The lanes that leave a primitive, as far as they may not hit its front, and not its back.
@@ -325,23 +379,24 @@ impl<S: Simd, const W: usize> Packet<S, W> {
 #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
 pub(crate) fn level<S: Simd, const W: usize>(
     simd: S,
-    frame: &Frame,
     packets: &mut [Packet<S, W>],
-    approach: &Approach,
-) -> Option<f32> {
+    approach: &Approach<'_>,
+) -> Option<Units> {
     let mut sizes = simd.splat_f32(0.0);
     for packet in packets.iter() {
         sizes = sizes.max(packet.sizes());
     }
     let size = sizes.greatest();
     // The error of a hit grows with the coordinates of the origin as it was.
-    let hit_slack = HIT_MARGIN * (2.0 * (f64::from(size).max(approach.size) + frame.remoteness) + 1.0);
+    let hit_slack =
+        HIT_MARGIN * (2.0 * (f64::from(size).max(approach.size) + approach.frame.remoteness) + 1.0);
     if !(size <= FAR && hit_slack < 1e-3) {
         return None;
     }
-    let unit = (f64::from((1.0 + size) * SINGLE) + hit_slack) as f32;
+    let of_rays = (f64::from((1.0 + size) * SINGLE) + hit_slack) as f32;
+    let of_scene = (f64::from(approach.frame.reach * SINGLE) + hit_slack) as f32;
     for packet in packets {
-        packet.widen(simd, unit);
+        packet.widen(simd, of_rays);
     }
-    Some(unit)
+    Some(Units { of_rays, of_scene })
 }

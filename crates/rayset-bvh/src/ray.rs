@@ -9,6 +9,8 @@ use crate::faces::{Beginning, lost};
 use crate::frame::{Frame, round_up};
 use crate::interval::SpanLanes;
 use crate::packet::narrow;
+use crate::shear::{Along, Doubles, Room, Shears, turn_axes};
+use crate::triangles::{Rounding, VERTEX_MARGIN};
 
 mod one;
 #[cfg(test)]
@@ -77,9 +79,9 @@ pub(crate) struct CullRays<const W: usize> {
     /// The origins in culling space, moved along the rays if they were far off, and the directions; rounded.
     origin: [[f32; W]; 3],
     direction: [[f32; W]; 3],
-    /// The factors of the shears, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`, and the origins, sheared.
+    /// The factors of the shears, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`, and where `z` is 0: x, y and the distance.
     factors: [[f32; W]; 3],
-    sheared: [[f32; W]; 3],
+    crossings: [[f32; W]; 3],
     /// Where each span starts, or less, and or more.
     start: [f32; W],
     start_above: [f32; W],
@@ -88,6 +90,9 @@ pub(crate) struct CullRays<const W: usize> {
     end_above: [f32; W],
     /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.
     pub(crate) unit: [f32; W],
+    /// How far tests of flat shapes may be off: vertices, and distances.
+    vertex_slack: [f32; W],
+    distance_slack: [f32; W],
     /// How far the origins were moved along the rays, in units of culling space.
     advance: [f64; W],
     /// World units to units of culling space.
@@ -117,15 +122,15 @@ pub(crate) struct SlabsOfRays<S: Simd> {
 pub(crate) struct PreparedLanes<S: Simd> {
     pub(crate) origin: [S::F32; 3],
     pub(crate) direction: [S::F32; 3],
-    /// The factors of the shears, each along its own axis, and the origins, sheared.
-    pub(crate) factors: [S::F32; 3],
-    sheared: [S::F32; 3],
+    /// Each along an axis of its own.
+    pub(crate) shears: Shears<S>,
     /// Which are sheared along the first axis, which along the last, and which against theirs.
     along_first: <S::F32 as Lanes>::Mask,
     along_last: <S::F32 as Lanes>::Mask,
     turned: <S::F32 as Lanes>::Mask,
     /// The greatest rounding of a coordinate.
     pub(crate) unit: f32,
+    pub(crate) rounding: Rounding,
     pub(crate) span: SpanLanes<S>,
 }
 
@@ -133,9 +138,8 @@ impl<S: Simd> PreparedLanes<S> {
     /// A vertex that is the same in every lane, sheared along each ray.
     #[inline(always)]
     pub(crate) fn shear(&self, vertex: [S::F32; 3]) -> [S::F32; 3] {
-        let ([sx, sy, _], [ox, oy, oz]) = (self.factors, self.sheared);
-        let [x, y, z] = turn_axes::<S>(vertex, self.along_first, self.along_last, self.turned);
-        [z.mul_add(sx, x) - ox, z.mul_add(sy, y) - oy, z - oz]
+        let [x, y, z] = turn_axes(vertex, self.along_first, self.along_last, self.turned);
+        self.shears.of([x, y, z])
     }
 }
 
@@ -143,20 +147,6 @@ impl<S: Simd> PreparedLanes<S> {
 #[inline(always)]
 fn load_three<S: Simd, const W: usize>(simd: S, [x, y, z]: &[[f32; W]; 3]) -> [S::F32; 3] {
     [simd.load_f32(x), simd.load_f32(y), simd.load_f32(z)]
-}
-
-/// The coordinates across the axis of each lane's shear, and the one along it.
-#[inline(always)]
-fn turn_axes<S: Simd>(
-    [x, y, z]: [S::F32; 3],
-    along_first: <S::F32 as Lanes>::Mask,
-    along_last: <S::F32 as Lanes>::Mask,
-    turned: <S::F32 as Lanes>::Mask,
-) -> [S::F32; 3] {
-    let along = z.select(along_last, x.select(along_first, y));
-    let next = x.select(along_last, y.select(along_first, z));
-    let last = y.select(along_last, z.select(along_first, x));
-    [last.select(turned, next), next.select(turned, last), along]
 }
 
 /// Rays some of which start far off, brought near.
@@ -202,12 +192,14 @@ impl<const W: usize> CullRays<W> {
         origin: [[0.0; W]; 3],
         direction: [[0.0; W]; 3],
         factors: [[0.0; W]; 3],
-        sheared: [[0.0; W]; 3],
+        crossings: [[0.0; W]; 3],
         start: [0.0; W],
         start_above: [0.0; W],
         end_below: [0.0; W],
         end_above: [0.0; W],
         unit: [0.0; W],
+        vertex_slack: [0.0; W],
+        distance_slack: [0.0; W],
         advance: [0.0; W],
         scale: 1.0,
         turned: [0; 3],
@@ -228,10 +220,24 @@ impl<const W: usize> CullRays<W> {
     ) {
         let (zero, one) = (simd.splat_f32(0.0), simd.splat_f32(1.0));
         let (mut origin, mut direction) = ([zero; 3], [zero; 3]);
-        for k in 0..3 {
-            let moved = (frame.center[k], frame.scale);
-            origin[k] = narrow_some::<S, W>(simd, rays.origins[k], place, moved);
-            direction[k] = narrow_some::<S, W>(simd, rays.directions[k], place, (0.0, 1.0));
+        let mut sheared = None;
+        if targets.are_flat {
+            let room;
+            let doubles = if rays.len() - place.0 >= W {
+                Doubles::of(frame, rays, place.0..place.0 + W)
+            } else {
+                room = Room::<W>::of(frame, rays, place, 0.0);
+                Doubles::within(&room)
+            };
+            let (ways, along) = doubles.ways_of_each::<S, W>(simd);
+            (origin, direction) = (ways.origin, ways.direction);
+            sheared = Some((ways.shears, along));
+        } else {
+            for k in 0..3 {
+                let moved = (frame.center[k], frame.scale);
+                origin[k] = narrow_some::<S, W>(simd, rays.origins[k], place, moved);
+                direction[k] = narrow_some::<S, W>(simd, rays.directions[k], place, (0.0, 1.0));
+            }
         }
         let start = narrow_some::<S, W>(simd, rays.spans.0, place, (0.0, frame.scale));
         let mut end = narrow_some::<S, W>(simd, rays.spans.1, place, (0.0, frame.scale));
@@ -253,6 +259,11 @@ impl<const W: usize> CullRays<W> {
             for (coordinate, column) in origin.iter_mut().zip(&near.origins) {
                 *coordinate = simd.narrow_f32(column, 0.0, 1.0);
             }
+            if targets.are_flat {
+                let room = Room { origins: near.origins, ..Room::<W>::of(frame, rays, place, 0.0) };
+                let (ways, along) = Doubles::within(&room).ways_of_each::<S, W>(simd);
+                sheared = Some((ways.shears, along));
+            }
             start = simd.narrow_f32(&near.starts, 0.0, 1.0);
             end = simd.narrow_f32(&near.ends, 0.0, 1.0);
             size = largest(origin);
@@ -273,7 +284,6 @@ impl<const W: usize> CullRays<W> {
         (end + rounding(end)).store(&mut self.end_above);
         let slack = simd.splat_f32(SLAB_MARGIN) * unit;
         let (least, most) = (simd.splat_f32(LEAST_COMPONENT), simd.splat_f32(1.0 / LEAST_COMPONENT));
-        let mut inverses = [zero; 3];
         for k in 0..3 {
             let (o, d) = (origin[k], direction[k]);
             let inverse = (one / d).select(d.abs().ge(least), most);
@@ -285,10 +295,9 @@ impl<const W: usize> CullRays<W> {
             o.store(&mut self.origin[k]);
             d.store(&mut self.direction[k]);
             self.turned[k] = is_turned.bits();
-            inverses[k] = inverse;
         }
-        if targets.are_flat {
-            self.shear(simd, origin, direction, inverses);
+        if let Some((shears, along)) = &sheared {
+            self.keep_shears(simd, shears, *along, simd.splat_f32(SINGLE * frame.reach) + hit_slack);
         }
         if !targets.have_faces {
             return;
@@ -331,29 +340,16 @@ impl<const W: usize> CullRays<W> {
         face.store(&mut self.face_place);
     }
 
-    /// Shears along the largest component of each direction.
-    ///
-    /// The shear is that of [`rayset_geometry::Shear`] in single precision; where two components of the direction are as
-    /// large but for their rounding, it may follow another axis.
+    /// Keeps how the rays are sheared, and how far tests of flat shapes may then be off.
     #[inline(always)]
-    fn shear<S: Simd>(&mut self, simd: S, o: [S::F32; 3], d: [S::F32; 3], inverse: [S::F32; 3]) {
-        let [x, y, z] = d.map(Lanes::abs);
-        let is_first = x.gt(y);
-        let is_last = z.ge(x.max(y));
-        let none = simd.mask_f32(0);
-        let [_, _, inverse] = turn_axes::<S>(inverse, is_first, is_last, none);
-        let is_turned = inverse.lt(simd.splat_f32(0.0));
-        let [dx, dy, _] = turn_axes::<S>(d, is_first, is_last, is_turned);
-        let [ox, oy, oz] = turn_axes::<S>(o, is_first, is_last, is_turned);
-        let (sx, sy) = (-dx * inverse, -dy * inverse);
-        sx.store(&mut self.factors[0]);
-        sy.store(&mut self.factors[1]);
-        inverse.store(&mut self.factors[2]);
-        (ox + sx * oz).store(&mut self.sheared[0]);
-        (oy + sy * oz).store(&mut self.sheared[1]);
-        oz.store(&mut self.sheared[2]);
-        self.along_last = is_last.bits();
-        self.along_first = is_first.bits();
+    fn keep_shears<S: Simd>(&mut self, simd: S, shears: &Shears<S>, along: Along, unit: S::F32) {
+        for k in 0..3 {
+            shears.factors[k].store(&mut self.factors[k]);
+            shears.crossings[k].store(&mut self.crossings[k]);
+        }
+        (self.along_first, self.along_last) = (along.first, along.last);
+        (simd.splat_f32(VERTEX_MARGIN) * unit).store(&mut self.vertex_slack);
+        shears.distance_slack(simd, unit).store(&mut self.distance_slack);
     }
 
     /// Brings near what starts far off, each ray for itself.
@@ -417,18 +413,30 @@ impl<const W: usize> CullRays<W> {
         PreparedLanes {
             origin: load_three(simd, &self.origin),
             direction: load_three(simd, &self.direction),
-            factors,
-            sheared: load_three(simd, &self.sheared),
+            shears: Shears { factors, crossings: load_three(simd, &self.crossings) },
             along_first: simd.mask_f32(self.along_first),
             along_last: simd.mask_f32(self.along_last),
             turned: factors[2].lt(simd.splat_f32(0.0)),
             unit: simd.load_f32(&self.unit).greatest(),
+            rounding: Rounding {
+                vertex: simd.load_f32(&self.vertex_slack).greatest(),
+                steepness: 1.0,
+                distance: simd.load_f32(&self.distance_slack).greatest(),
+            },
             span: SpanLanes {
                 start: simd.load_f32(&self.start),
                 start_above: simd.load_f32(&self.start_above),
                 end_below: simd.load_f32(&self.end_below),
                 ends: simd.load_f32(&self.end_above),
             },
+        }
+    }
+
+    /// Multiplies how far tests of primitives may be off.
+    #[cfg(test)]
+    pub(crate) fn loosen(&mut self, factor: f32) {
+        for slacks in [&mut self.unit, &mut self.vertex_slack, &mut self.distance_slack] {
+            *slacks = slacks.map(|slack| slack * factor);
         }
     }
 

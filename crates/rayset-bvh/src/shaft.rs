@@ -12,8 +12,8 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::frame::CullBox;
 use crate::node::Node;
-use crate::packet::Packet;
-use crate::triangles::Rounding;
+use crate::packet::{Approach, Packet, Units};
+use crate::triangles::{Rounding, VERTEX_MARGIN};
 
 /// How much of a direction must go along the common axis.
 const LEAST_ALONG: f32 = 0.2;
@@ -55,9 +55,8 @@ pub(crate) struct Shaft<S: Simd> {
     pub(crate) axes: [usize; 3],
     /// The rounding of a coordinate, of the worst ray.
     pub(crate) unit: f32,
-    /// How much more a shear along the axis adds to errors than one along each ray's dominant axis: its largest factor,
-    /// and at least 1.
-    pub(crate) steepness: f32,
+    /// How far tests along its axis may be off.
+    pub(crate) rounding: Rounding,
     /// 1 if the rays go up the axis, else -1.
     towards: f32,
     /// Where the rays begin along the axis, times `towards`.
@@ -70,26 +69,18 @@ pub(crate) struct Shaft<S: Simd> {
 }
 
 impl<S: Simd> Shaft<S> {
-    /// The shaft of packets of the same rounding, whose factors it sets; `None` if none holds them.
+    /// The shaft of packets of the same rounding, whose shears it sets; `None` if none holds them.
     #[inline(always)]
-    pub(crate) fn around<const W: usize>(simd: S, packets: &mut [Packet<S, W>], unit: f32) -> Option<Self> {
-        // The axis along which the first, a middle and the last ray go most.
-        let (start, middle, end) = (&packets[0], &packets[packets.len() / 2], &packets[packets.len() - 1]);
-        let mut sums = [0.0_f32; 3];
-        for (k, sum) in sums.iter_mut().enumerate() {
-            let (mut a, mut b, mut c) = ([0.0; W], [0.0; W], [0.0; W]);
-            start.direction[k].store(&mut a);
-            middle.direction[k].store(&mut b);
-            end.direction[k].store(&mut c);
-            *sum = a[0] + b[W / 2] + c[W - 1];
-        }
-        let mut z = usize::from(sums[1].abs() > sums[0].abs());
-        if sums[2].abs() > sums[z].abs() {
-            z = 2;
-        }
-        let towards = if sums[z] < 0.0 { -1.0_f32 } else { 1.0 };
-        // A mirrored axis would turn triangles round.
-        let (x, y) = if towards < 0.0 { ((z + 2) % 3, (z + 1) % 3) } else { ((z + 1) % 3, (z + 2) % 3) };
+    pub(crate) fn around<const W: usize>(
+        simd: S,
+        packets: &mut [Packet<S, W>],
+        units: Units,
+        approach: &Approach<'_>,
+    ) -> Option<Self> {
+        let unit = units.of_rays;
+        let [x, y, z] = approach.axes;
+        // Turned if the rays go against the axis.
+        let towards = if y == (z + 1) % 3 { -1.0_f32 } else { 1.0 };
         let signed = simd.splat_f32(towards);
         let mut alongs = simd.splat_f32(1.0);
         let mut firsts = simd.splat_f32(BEYOND);
@@ -110,23 +101,26 @@ impl<S: Simd> Shaft<S> {
         let last = last.min(BEYOND).max(first + LEAST_LENGTH);
         let (near, far) = (towards * first, towards * last);
         let one = simd.splat_f32(1.0);
-        let mut steepness = one;
-        // Least and greatest, of x and y, near and far, of each packet; unused lanes are as the first.
+        let of_scene = simd.splat_f32(units.of_scene);
+        let (mut steepness, mut distances) = (one, simd.splat_f32(0.0));
+        // Near and far, of x and y, greatest and the negative of the least, of each packet; unused lanes are as the first.
         let mut extremes = [[[[0.0_f32; W]; 2]; 2]; 2];
         for (p, packet) in packets.iter_mut().enumerate() {
-            let inverse = one / packet.direction[z];
-            let [sx, sy] = [-packet.direction[x] * inverse, -packet.direction[y] * inverse];
-            let [ox, oy, oz] = [packet.origin[x], packet.origin[y], packet.origin[z]];
-            packet.factors = [sx, sy, inverse];
-            packet.sheared = [sx.mul_add(oz, ox), sy.mul_add(oz, oy), oz];
-            steepness = steepness.max(sx.max_abs(sy));
+            packet.turn(simd, approach);
+            let shears = packet.shears;
+            steepness = steepness.max(shears.factors[0].max_abs(shears.factors[1]));
+            distances = distances.max(shears.distance_slack(simd, of_scene));
+            let mut ends = [[one; 4]; 2];
             for (end, plane) in [near, far].into_iter().enumerate() {
-                let depth = packet.origin[z] - simd.splat_f32(plane);
-                for (side, axis) in [x, y].into_iter().enumerate() {
-                    let at = depth.mul_add(packet.factors[side], packet.origin[axis]);
-                    extremes[side][end][0][p] = at.greatest();
-                    extremes[side][end][1][p] = at.least();
-                }
+                let depth = simd.splat_f32(-plane);
+                let x = depth.mul_add(shears.factors[0], shears.crossings[0]);
+                let y = depth.mul_add(shears.factors[1], shears.crossings[1]);
+                ends[end] = [x, -x, y, -y];
+            }
+            let [near, far] = ends;
+            let greatest = simd.greatest_of_eight(&[near, far]);
+            for (lanes, value) in extremes.as_flattened_mut().as_flattened_mut().iter_mut().zip(greatest) {
+                lanes[p] = value;
             }
         }
         for lanes in extremes.as_flattened_mut().as_flattened_mut() {
@@ -137,8 +131,9 @@ impl<S: Simd> Shaft<S> {
         let (mut lines, mut of_each, mut worse) = ([[none; 2]; 2], [[none; 2]; 2], [[0; 2]; 2]);
         for side in 0..2 {
             for (i, outwards) in [1.0, -1.0].into_iter().enumerate() {
-                let at_near = simd.load_f32(&extremes[side][0][i]);
-                let at_far = simd.load_f32(&extremes[side][1][i]);
+                let sense = simd.splat_f32(outwards);
+                let at_near = sense * simd.load_f32(&extremes[0][side][i]);
+                let at_far = sense * simd.load_f32(&extremes[1][side][i]);
                 of_each[side][i] = through(simd, [near, far], at_near, at_far, outwards, unit);
                 let (n, f) = if i == 0 {
                     (at_near.greatest(), at_far.greatest())
@@ -152,22 +147,21 @@ impl<S: Simd> Shaft<S> {
                 lines[side][i] = line;
             }
         }
+        let steepness = steepness.greatest();
         Some(Self {
             axes: [x, y, z],
             unit,
-            steepness: steepness.greatest(),
+            rounding: Rounding {
+                vertex: VERTEX_MARGIN * units.of_scene * steepness,
+                steepness,
+                distance: distances.greatest(),
+            },
             towards,
             first: first - SHAFT_MARGIN[0] * unit,
             lines,
             worse,
             of_each,
         })
-    }
-
-    /// How far tests along its axis may be off.
-    #[inline(always)]
-    pub(crate) fn rounding(&self) -> Rounding {
-        Rounding { unit: self.unit, scale: self.steepness }
     }
 
     /// How far along the axis any ray of a packet may still find something, times the sense of the axis.
@@ -349,11 +343,11 @@ mod tests {
                 spans: (&starts, &ends),
                 left: &[],
             };
-            let approach = Approach::of(&frame, &rays, 0..2 * W);
-            let mut packets =
-                [0, W].map(|first| Packet::<S, W>::new(simd, &frame, &rays, first, W, &approach));
-            let unit = level(simd, &frame, &mut packets, &approach).expect("they start nearby");
-            let Some(shaft) = Shaft::around(simd, &mut packets, factor * unit) else { continue };
+            let approach = Approach::of(&frame, &rays, 0..2 * W, true);
+            let mut packets = [0, W].map(|first| Packet::<S, W>::new(simd, first, W, &approach));
+            let units = level(simd, &mut packets, &approach).expect("they start nearby");
+            let units = Units { of_rays: factor * units.of_rays, of_scene: factor * units.of_scene };
+            let Some(shaft) = Shaft::around(simd, &mut packets, units, &approach) else { continue };
             // Flat across the axis, so that no end of the box is worse than the other.
             let corner = touched + DVec3::new(0.1, 0.0, 0.0);
             let (low, high) = (touched - 0.3 * DVec3::Y, corner + 0.3 * DVec3::Y);
@@ -363,7 +357,7 @@ mod tests {
             let met = shaft.packets_that_meet(simd, [bounds.low, bounds.high], reaches);
             by_packet += usize::from(met & 1 == 0);
             let Packet { start, ends, .. } = packets[0];
-            let slabs = packets[0].slabs(simd, factor * unit);
+            let slabs = packets[0].slabs(simd, units.of_rays);
             let (entered, _) = slabs.enter(simd, [bounds.low, bounds.high], start, ends);
             by_rays += usize::from(entered.bits() & 1 == 0);
         }

@@ -239,7 +239,7 @@ mod tests {
     use crate::frame::Frame;
     use crate::packet::{Approach, level};
     use crate::shaft::{BoxBlock, Shaft};
-    use crate::triangles::{Rounding, Sheared, TriangleBlock};
+    use crate::triangles::{Sheared, TriangleBlock};
 
     /// How often single precision contradicts the exact test of a triangle, for rays that go mostly across the axis of
     /// their packet.
@@ -297,23 +297,22 @@ mod tests {
             let [ox, oy, oz, dx, dy, dz] = &columns;
             let (origins, directions) = ([&ox[..], oy, oz], [&dx[..], dy, dz]);
             let rays = RayColumns { origins, directions, spans: (&starts, &ends), left: &[] };
-            let approach = Approach::of(&frame, &rays, 0..W);
-            let mut packet = [Packet::<S, W>::new(simd, &frame, &rays, 0, W, &approach)];
-            let unit = level(simd, &frame, &mut packet, &approach).expect("they start nearby");
-            let shaft = Shaft::around(simd, &mut packet, unit).expect("all go along z");
+            let approach = Approach::of(&frame, &rays, 0..W, true);
+            let mut packet = [Packet::<S, W>::new(simd, 0, W, &approach)];
+            let units = level(simd, &mut packet, &approach).expect("they start nearby");
+            let shaft = Shaft::around(simd, &mut packet, units, &approach).expect("all go along z");
             let packet = &packet[0];
             let mut block = TriangleBlock::<W>::EMPTY;
             block.set(0, corners.map(|corner| frame.point(corner).to_array()));
             let [a, b, c] = block.one(simd, 0, shaft.axes);
-            let [a, b, c] = [packet.shear(a), packet.shear(b), packet.shear(c)];
+            let [a, b, c] = [a, b, c].map(|vertex| packet.shears.of(vertex));
             // By itself, or as the second of two: then the edge that rays are aimed at is shared.
             let sheared =
                 if case / 24 % 2 == 0 { Sheared::of([a, b, c]) } else { Sheared::two([b, a, c, a])[1] };
-            let (all, rounding) =
-                (simd.mask_f32(u32::MAX), Rounding { unit: factor * unit, scale: shaft.steepness });
+            let (all, rounding) = (simd.mask_f32(u32::MAX), shaft.rounding.times(factor));
             let extents = block.boxes(simd, &mut BoxBlock::EMPTY.clone());
             let near = sheared.near(simd.splat_f32(rounding.of_edges(simd, extents).lane(0)));
-            let found = sheared.intervals(simd, rounding, packet.factors[2], &packet.span(), all, all);
+            let found = sheared.intervals(simd, rounding, &packet.shears, &packet.span(), all, all);
             let (possible, sure) = ((found.possible & near).bits() & 1 == 1, found.sure.bits() & 1 == 1);
             let probe = Probe::new(Scalar, &Ray::new(eye, direction), Span::FORWARD, true);
             let [a, b, c] = corners;

@@ -3,15 +3,22 @@
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::interval::{Intervals, SpanLanes, splat};
-use crate::ray::CullRay;
+use crate::ray::{CullRay, SINGLE};
 use crate::shaft::BoxBlock;
+use crate::shear::Shears;
 
-/// How far a sheared vertex may be off.
-pub const VERTEX_MARGIN: f32 = 12.0;
-/// How far the distance of a vertex may be off.
-pub(crate) const DEPTH_MARGIN: f32 = 12.0;
-/// How far a distance to a triangle may be off, apart from its weights.
-const TRIANGLE_DISTANCE_MARGIN: f32 = 40.0;
+/// How far a sheared vertex may be off, in units of the rounding of what lies in the scene.
+pub const VERTEX_MARGIN: f32 = 7.25;
+/// How far a distance may be off: in that unit times `1 / d_z`, and in roundings of the distance where `z` is 0.
+pub const DISTANCE_MARGIN: [f32; 2] = [3.5, 1.25];
+/// How far an edge function may be off: by the size of what it is made of and the error of a vertex, by the square of that
+/// error, and, in roundings, by the square of the size.
+pub const EDGE_MARGIN: [f32; 3] = [4.25, 3.0, 7.0];
+/// How far distances may be off besides, in roundings of the farthest vertex's.
+const OWN_ROUNDINGS: f32 = 3.5;
+/// How far the distance of a hit may be off relative to how far its triangle stretches along the ray: in errors of an edge
+/// function relative to the area, and in roundings.
+pub const WEIGHT_MARGIN: [f32; 2] = [5.5, 8.0];
 
 /// `W` triangles.
 #[derive(Clone, Debug)]
@@ -63,9 +70,7 @@ impl<const W: usize> TriangleBlock<W> {
     ) -> Intervals<S> {
         let span = SpanLanes::of(simd, ray, end);
         let (front, back) = (simd.mask_f32(front), simd.mask_f32(back));
-        let rounding = Rounding { unit: ray.unit(), scale: 1.0 };
-        let depth = simd.splat_f32(ray.factors()[2]);
-        self.shear(simd, ray).intervals(simd, rounding, depth, &span, front, back)
+        self.shear(simd, ray).intervals(simd, ray.rounding(), &ray.shears(simd), &span, front, back)
     }
 
     /// Three columns, sheared.
@@ -77,12 +82,10 @@ impl<const W: usize> TriangleBlock<W> {
         first: usize,
     ) -> [S::F32; 3] {
         let [x, y, z] = ray.axes;
-        let [ox, oy, oz] = splat(simd, ray.sheared());
-        let [sx, sy, _] = splat(simd, ray.factors());
         let z = simd.load_f32(&self.vertices[first + z]);
         let x = simd.load_f32(&self.vertices[first + x]);
         let y = simd.load_f32(&self.vertices[first + y]);
-        [z.mul_add(sx, x) - ox, z.mul_add(sy, y) - oy, z - oz]
+        ray.shears(simd).of([x, y, z])
     }
 }
 
@@ -97,28 +100,44 @@ pub(crate) struct Sheared<S: Simd> {
     greatest: S::F32,
 }
 
-/// The rounding of a coordinate, and by how much more a shear along an axis that is not the dominant one adds to it.
+/// How far tests in single precision of what is sheared may be off.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rounding {
-    pub(crate) unit: f32,
-    pub(crate) scale: f32,
+    /// A sheared vertex.
+    pub(crate) vertex: f32,
+    /// The largest factor of the shears, and at least 1.
+    pub(crate) steepness: f32,
+    /// A distance, apart from a triangle's weights.
+    pub(crate) distance: f32,
 }
 
 impl Rounding {
-    /// How far a sheared vertex may be off.
+    /// How far the edge functions of a triangle may be off whose largest coordinate across the ray is `size`.
     #[inline(always)]
-    fn of_vertex(self) -> f32 {
-        self.scale * VERTEX_MARGIN * self.unit
+    fn of_size<S: Simd>(self, simd: S, size: S::F32) -> S::F32 {
+        let [first, second, own] = EDGE_MARGIN;
+        let linear = size.mul_add(simd.splat_f32(own * SINGLE), simd.splat_f32(first * self.vertex));
+        size.mul_add(linear, simd.splat_f32(second * self.vertex * self.vertex))
     }
 
-    /// How far the edge functions of a triangle may be off if the ray passes through it, by its largest extent along an
-    /// axis.
+    /// The same of a triangle that the ray passes through, by its largest extent along an axis.
     #[inline(always)]
     pub(crate) fn of_edges<S: Simd>(self, simd: S, extent: S::F32) -> S::F32 {
         // No vertex is farther from the ray than twice the extent, sheared.
-        let error = self.of_vertex();
-        let (linear, constant) = (12.0 * error * self.scale, 36.0 * error * error);
-        extent.mul_add(simd.splat_f32(linear), simd.splat_f32(constant))
+        let most = extent.mul_add(simd.splat_f32(2.0 * self.steepness), simd.splat_f32(4.0 * self.vertex));
+        self.of_size(simd, most)
+    }
+
+    /// How far distances along a ray may be off, by the least and the greatest of them.
+    #[inline(always)]
+    pub(crate) fn of_distances<S: Simd>(self, simd: S, [nearest, farthest]: [S::F32; 2]) -> S::F32 {
+        let own = simd.splat_f32(OWN_ROUNDINGS * SINGLE);
+        nearest.max_abs(farthest).mul_add(own, simd.splat_f32(self.distance))
+    }
+
+    #[cfg(test)]
+    pub(crate) fn times(self, factor: f32) -> Self {
+        Self { vertex: factor * self.vertex, distance: factor * self.distance, ..self }
     }
 }
 
@@ -156,35 +175,37 @@ impl<S: Simd> Sheared<S> {
     pub(crate) fn sides(&self, simd: S, rounding: Rounding) -> Sides<S> {
         let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = self.vertices;
         let size = ax.max_abs(ay).max_abs(bx.max_abs(by)).max_abs(cx.max_abs(cy));
-        // |a_x b_y - a_y b_x| is off by 5.2 e m, rounded up, and what is left of second order.
-        let error = rounding.of_vertex();
-        let (first, second) = (6.0 * error, 4.0 * error * error);
-        let error = size.mul_add(simd.splat_f32(first), simd.splat_f32(second));
-        let twice = error + error;
+        let error = rounding.of_size(simd, size);
         Sides {
             error,
             may_front: self.least.ge(-error),
             may_back: self.greatest.le(error),
-            front: self.least.gt(twice),
-            back: self.greatest.lt(-twice),
+            front: self.least.gt(error),
+            back: self.greatest.lt(-error),
         }
     }
 
-    /// How far along the rays the vertices lie, by what turns depths into distances.
+    /// How far along the rays the vertices lie.
     #[inline(always)]
-    pub(crate) fn depths(&self, sz: S::F32) -> [S::F32; 3] {
-        let [[_, _, az], [_, _, bz], [_, _, cz]] = self.vertices;
-        [sz * az, sz * bz, sz * cz]
+    fn distances(&self, shears: &Shears<S>) -> [S::F32; 3] {
+        let [[_, _, a], [_, _, b], [_, _, c]] = self.vertices;
+        [shears.distance(a), shears.distance(b), shears.distance(c)]
     }
 
-    /// Where the rays hit the triangles, of which the front and the back may be hit by some; by what turns depths into
-    /// distances.
+    /// Between which distances the vertices lie, each as good as [`Rounding::of_distances`] says.
+    #[inline(always)]
+    pub(crate) fn within(&self, shears: &Shears<S>) -> [S::F32; 2] {
+        let [a, b, c] = self.distances(shears);
+        [a.min(b).min(c), a.max(b).max(c)]
+    }
+
+    /// Where the rays hit the triangles, of which the front and the back may be hit by some.
     #[inline(always)]
     pub(crate) fn intervals(
         &self,
         simd: S,
         rounding: Rounding,
-        sz: S::F32,
+        shears: &Shears<S>,
         span: &SpanLanes<S>,
         front: <S::F32 as Lanes>::Mask,
         back: <S::F32 as Lanes>::Mask,
@@ -197,16 +218,19 @@ impl<S: Simd> Sheared<S> {
         }
         let Self { u, v, w, .. } = *self;
         let sure = (sides.front & front) | (sides.back & back);
-        let [a_depth, b_depth, c_depth] = self.depths(sz);
-        let nearest = a_depth.min(b_depth).min(c_depth);
-        let range = a_depth.max(b_depth).max(c_depth) - nearest;
-        let determinant = u + v + w;
-        let inverse = simd.splat_f32(1.0) / determinant;
-        let t = u.mul_add(a_depth, v.mul_add(b_depth, w * c_depth)) * inverse;
-        let slack = simd.splat_f32(rounding.scale * TRIANGLE_DISTANCE_MARGIN * rounding.unit);
-        let weights = simd.splat_f32(6.5) * sides.error * range * inverse.abs();
-        let low = (t - (weights + slack)).select(sure, nearest - slack);
-        let high = t + (weights + slack);
+        let [a, b, c] = self.distances(shears);
+        let (nearest, farthest) = (a.min(b).min(c), a.max(b).max(c));
+        let inverse = simd.splat_f32(1.0) / (u + v + w);
+        // From the first vertex on: what is added is rounded relative to the triangle only.
+        let t = v.mul_add(b - a, w * (c - a)).mul_add(inverse, a);
+        let [of_edges, of_weights] = WEIGHT_MARGIN;
+        let range = farthest - nearest;
+        let slack = rounding.of_distances(simd, [nearest, farthest]);
+        let slack_of_sure = range.mul_add(simd.splat_f32(of_weights * SINGLE), slack);
+        let weights = sides.error * simd.splat_f32(of_edges) * range;
+        let slack_of_sure = weights.mul_add(inverse.abs(), slack_of_sure);
+        let low = (t - slack_of_sure).select(sure, nearest - slack);
+        let high = t + slack_of_sure;
         let possible = possible & low.le(span.ends) & !(sure & high.lt(span.start));
         Intervals {
             possible,

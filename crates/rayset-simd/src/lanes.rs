@@ -209,6 +209,16 @@ pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// If there are fewer.
     #[must_use]
     fn narrowing_f32(self, values: &[f64], offset: f64, scale: f64) -> Self::F32;
+    /// The values of several registers, one after the other, each rounded to single precision.
+    ///
+    /// # Panics
+    ///
+    /// If they have not as many lanes together as `F32`.
+    #[must_use]
+    fn join_f32(self, parts: &[Self::F64]) -> Self::F32;
+    /// The greatest lane of each of eight; which of several zeros, or what where one is NaN, is not specified.
+    #[must_use]
+    fn greatest_of_eight(self, of: &[[Self::F32; 4]; 2]) -> [f32; 8];
     /// The lanes of `F32` whose value is `wanted`.
     ///
     /// # Panics

@@ -253,6 +253,16 @@ impl Simd for Portable {
         }))
     }
     #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "rounded to single precision")]
+    fn join_f32(self, parts: &[F64x4]) -> F32x8 {
+        let [low, high] = parts else { panic!("there are {} parts, not 2", parts.len()) };
+        F32x8(from_fn(|i| if i < 4 { low.0[i] } else { high.0[i - 4] } as f32))
+    }
+    #[inline(always)]
+    fn greatest_of_eight(self, of: &[[F32x8; 4]; 2]) -> [f32; 8] {
+        from_fn(|i| of[i / 4][i % 4].greatest())
+    }
+    #[inline(always)]
     fn equal_u32(self, values: &[u32], wanted: u32) -> M32x8 {
         let values = &values[..8];
         M32x8::of(|i| values[i] == wanted)

@@ -125,6 +125,15 @@ impl Simd for Scalar {
         Portable.narrowing_f32(values, offset, scale)
     }
     #[inline(always)]
+    fn join_f32(self, parts: &[f64]) -> F32x8 {
+        assert!(parts.len() == 8, "there are {} parts, not 8", parts.len());
+        Portable.narrow_f32(parts, 0.0, 1.0)
+    }
+    #[inline(always)]
+    fn greatest_of_eight(self, of: &[[F32x8; 4]; 2]) -> [f32; 8] {
+        Portable.greatest_of_eight(of)
+    }
+    #[inline(always)]
     fn equal_u32(self, values: &[u32], wanted: u32) -> M32x8 {
         Portable.equal_u32(values, wanted)
     }

@@ -140,11 +140,25 @@ impl Kernel for CullingOnly<'_> {
             std::array::from_fn(|i| f64::from(self.a[i]) + f64::from(self.b[i]) / 3.0);
         let narrowed = simd.narrow_f32(&wide, 0.1, 0.25);
         let narrowing = simd.narrowing_f32(&wide, 0.1, 0.25);
+        let lanes = S::F64::LANES;
+        let parts: Vec<_> = wide[..n].chunks(lanes).map(|part| simd.load_f64(part)).collect();
+        let joined = simd.join_f32(&parts);
+        let rows: [S::F32; 8] = std::array::from_fn(|k| {
+            let turned: [f32; MAX_LANES] =
+                std::array::from_fn(|i| self.a[(i * (2 * k + 1) + k) % n] - k as f32);
+            simd.load_f32(&turned)
+        });
+        let [a, b, c, d, e, f, g, h] = rows;
+        let greatest = simd.greatest_of_eight(&[[a, b, c, d], [e, f, g, h]]);
+        assert_eq!(greatest.to_vec(), rows.map(CullLanes::greatest).to_vec());
         let found = simd.equal_u32(&values, values[n - 1]);
         for i in 0..n {
             #[expect(clippy::cast_possible_truncation, reason = "what the lanes do")]
             let expected = ((wide[i] - 0.1) * 0.25) as f32;
             assert_eq!(narrowed.lane(i).to_bits(), expected.to_bits());
+            #[expect(clippy::cast_possible_truncation, reason = "what the lanes do")]
+            let single = wide[i] as f32;
+            assert_eq!(joined.lane(i).to_bits(), single.to_bits());
             #[expect(clippy::cast_possible_truncation, reason = "what the lanes do")]
             let lost = ((wide[i] - 0.1) * 0.25 - f64::from(expected)) as f32;
             assert_eq!(narrowing.lane(i).to_bits(), lost.to_bits());

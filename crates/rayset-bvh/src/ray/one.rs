@@ -1,7 +1,12 @@
 //! One of prepared rays.
 
+use rayset_simd::Simd;
+
 use super::CullRays;
 use crate::frame::round_down;
+use crate::interval::splat;
+use crate::shear::Shears;
+use crate::triangles::Rounding;
 
 /// One of prepared rays. What is asked of it is read where it stands: few rays ask for everything.
 #[derive(Clone, Copy, Debug)]
@@ -69,16 +74,19 @@ impl<const W: usize> CullRay<'_, W> {
         self.of(&self.rays.direction)
     }
 
-    /// The shear's factors, `-d_x / d_z`, `-d_y / d_z` and `1 / d_z`.
+    /// The shear, the same in every lane.
     #[inline(always)]
-    pub(crate) fn factors(self) -> [f32; 3] {
-        self.of(&self.rays.factors)
+    pub(crate) fn shears<S: Simd>(self, simd: S) -> Shears<S> {
+        let [factors, crossings] = [self.of(&self.rays.factors), self.of(&self.rays.crossings)];
+        Shears { factors: splat(simd, factors), crossings: splat(simd, crossings) }
     }
 
-    /// The origin, sheared.
+    /// How far tests of flat shapes may be off.
     #[inline(always)]
-    pub(crate) fn sheared(self) -> [f32; 3] {
-        self.of(&self.rays.sheared)
+    pub(crate) fn rounding(self) -> Rounding {
+        let lane = self.lane % W;
+        let (vertex, distance) = (self.rays.vertex_slack[lane], self.rays.distance_slack[lane]);
+        Rounding { vertex, steepness: 1.0, distance }
     }
 
     /// The rounding of a coordinate: `2^-24 (1 + the origin's largest coordinate)` and what `f64` adds.

@@ -80,8 +80,12 @@ fn origins_far_away_are_moved_or_give_up() {
 fn all(cull: CullRay<'_, 8>) -> (Vec<u32>, [[usize; 3]; 3]) {
     let [near_offset, far_offset] = cull.offsets();
     let (origin, direction) = (cull.origin(), cull.direction());
-    let threes = [cull.inverse(), near_offset, far_offset, origin, direction, cull.factors(), cull.sheared()];
-    let ones = [cull.unit(), cull.start(), cull.start_above(), cull.end_below(), cull.end_above()];
+    let Shears { factors, crossings } = cull.shears(Scalar);
+    let [factors, crossings] = [factors, crossings].map(|three| three.map(|lanes| lanes.lane(0)));
+    let threes = [cull.inverse(), near_offset, far_offset, origin, direction, factors, crossings];
+    let Rounding { vertex, distance, .. } = cull.rounding();
+    let ones =
+        [vertex, distance, cull.unit(), cull.start(), cull.start_above(), cull.end_below(), cull.end_above()];
     let distances = [cull.end(1.0), cull.below(1.0)];
     let numbers = threes.as_flattened().iter().chain(&ones).chain(&distances);
     let [near, far] = cull.planes();

@@ -159,6 +159,19 @@ fn front_pairs(mask: Avx2M64) -> __m256i {
     unsafe { _mm256_loadu_si256(halves.as_ptr().cast()) }
 }
 
+/// In each half, the greatest of that half of four registers.
+#[inline(always)]
+fn fours([a, b, c, d]: &[Avx2F32; 4]) -> __m256 {
+    // SAFETY: see `register_lanes`.
+    unsafe {
+        let ab = _mm256_max_ps(_mm256_unpacklo_ps(a.0, b.0), _mm256_unpackhi_ps(a.0, b.0));
+        let cd = _mm256_max_ps(_mm256_unpacklo_ps(c.0, d.0), _mm256_unpackhi_ps(c.0, d.0));
+        let (ab, cd) = (_mm256_castps_pd(ab), _mm256_castps_pd(cd));
+        let (low, high) = (_mm256_unpacklo_pd(ab, cd), _mm256_unpackhi_pd(ab, cd));
+        _mm256_max_ps(_mm256_castpd_ps(low), _mm256_castpd_ps(high))
+    }
+}
+
 impl CullLanes for Avx2F32 {
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
@@ -313,6 +326,27 @@ impl Simd for Avx2 {
             let high = _mm256_sub_pd(high, _mm256_cvtps_pd(_mm256_cvtpd_ps(high)));
             _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low))
         })
+    }
+
+    #[inline(always)]
+    fn join_f32(self, parts: &[Avx2F64]) -> Avx2F32 {
+        let [low, high] = parts else { panic!("there are {} parts, not 2", parts.len()) };
+        // SAFETY: see `register_lanes`.
+        Avx2F32(unsafe { _mm256_set_m128(_mm256_cvtpd_ps(high.0), _mm256_cvtpd_ps(low.0)) })
+    }
+
+    #[inline(always)]
+    fn greatest_of_eight(self, of: &[[Avx2F32; 4]; 2]) -> [f32; 8] {
+        let mut greatest = [0.0; 8];
+        // SAFETY: see `register_lanes`; the array holds a register. Of four, the greatest of each half in its four parts;
+        // then the halves.
+        unsafe {
+            let [low, high] = [fours(&of[0]), fours(&of[1])];
+            let first = _mm256_permute2f128_ps::<0x20>(low, high);
+            let second = _mm256_permute2f128_ps::<0x31>(low, high);
+            _mm256_storeu_ps(greatest.as_mut_ptr(), _mm256_max_ps(first, second));
+        }
+        greatest
     }
 
     #[inline(always)]

@@ -82,6 +82,19 @@ register_lanes! {
     compress: |mask, a| _mm512_maskz_compress_ps(mask, a),
 }
 
+/// In each quarter, the greatest of that quarter of four registers.
+#[inline(always)]
+fn fours([a, b, c, d]: &[Avx512F32; 4]) -> __m512 {
+    // SAFETY: see `register_lanes`.
+    unsafe {
+        let ab = _mm512_max_ps(_mm512_unpacklo_ps(a.0, b.0), _mm512_unpackhi_ps(a.0, b.0));
+        let cd = _mm512_max_ps(_mm512_unpacklo_ps(c.0, d.0), _mm512_unpackhi_ps(c.0, d.0));
+        let (ab, cd) = (_mm512_castps_pd(ab), _mm512_castps_pd(cd));
+        let (low, high) = (_mm512_unpacklo_pd(ab, cd), _mm512_unpackhi_pd(ab, cd));
+        _mm512_max_ps(_mm512_castpd_ps(low), _mm512_castpd_ps(high))
+    }
+}
+
 impl CullLanes for Avx512F32 {
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
@@ -220,6 +233,34 @@ impl Simd for Avx512 {
             let low = _mm512_castps256_ps512(_mm512_cvtpd_ps(low));
             _mm512_insertf32x8::<1>(low, _mm512_cvtpd_ps(high))
         })
+    }
+
+    #[inline(always)]
+    fn join_f32(self, parts: &[Avx512F64]) -> Avx512F32 {
+        let [low, high] = parts else { panic!("there are {} parts, not 2", parts.len()) };
+        // SAFETY: see `register_lanes`.
+        Avx512F32(unsafe {
+            let low = _mm512_castps256_ps512(_mm512_cvtpd_ps(low.0));
+            _mm512_insertf32x8::<1>(low, _mm512_cvtpd_ps(high.0))
+        })
+    }
+
+    #[inline(always)]
+    fn greatest_of_eight(self, of: &[[Avx512F32; 4]; 2]) -> [f32; 8] {
+        let mut greatest = [0.0; 8];
+        // SAFETY: see `register_lanes`; the array holds half a register. Of four, the greatest of each quarter in its four
+        // parts; then of all quarters, which leaves those of the first four and of the second in the lower half.
+        unsafe {
+            let [low, high] = [fours(&of[0]), fours(&of[1])];
+            let first = _mm512_shuffle_f32x4::<0b10_00_10_00>(low, high);
+            let second = _mm512_shuffle_f32x4::<0b11_01_11_01>(low, high);
+            let pairs = _mm512_max_ps(first, second);
+            let first = _mm512_shuffle_f32x4::<0b10_00_10_00>(pairs, pairs);
+            let second = _mm512_shuffle_f32x4::<0b11_01_11_01>(pairs, pairs);
+            let all = _mm512_castps512_ps256(_mm512_max_ps(first, second));
+            _mm256_storeu_ps(greatest.as_mut_ptr(), all);
+        }
+        greatest
     }
 
     #[inline(always)]
