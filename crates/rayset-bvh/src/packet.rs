@@ -98,11 +98,11 @@ impl<'a> Approach<'a> {
         let axes = common_axes(rays, range.clone());
         let approach = Self { frame, rays, axes, is_flat, advance: 0.0, size: 0.0 };
         let is_far = frame.point(rays.origin(range.start)).abs().max_element() > f64::from(FAR);
-        if is_far { approach.from_afar(range) } else { approach }
+        if is_far { approach.brought_near(range) } else { approach }
     }
 
     #[inline(never)]
-    fn from_afar(self, range: Range<usize>) -> Self {
+    fn brought_near(self, range: Range<usize>) -> Self {
         let (mut nearest, mut size) = (f64::INFINITY, 0.0_f64);
         for i in range {
             let origin = self.frame.point(self.rays.origin(i));
@@ -272,21 +272,34 @@ impl<S: Simd, const W: usize> Packet<S, W> {
         slabs
     }
 
-    /// Shears its rays along another axis, if they are.
+    /// Shears its rays along the axis of a shaft, where that is another.
     #[inline(always)]
     pub(crate) fn turn(&mut self, simd: S, approach: &Approach<'_>) {
         let [x, y, z] = approach.axes;
         if !approach.is_flat {
-            // Nothing is sheared but the lines of a shaft, whose margin holds what single precision makes of that.
+            // Nothing is sheared but the lines of the shaft.
             let inverse = simd.splat_f32(1.0) / self.direction[z];
-            let [sx, sy] = [-self.direction[x] * inverse, -self.direction[y] * inverse];
-            let [ox, oy, oz] = [self.origin[x], self.origin[y], self.origin[z]];
-            let crossings = [sx.mul_add(oz, ox), sy.mul_add(oz, oy), -oz * inverse];
-            self.shears = Shears { factors: [sx, sy, inverse], crossings };
+            let factors = [-self.direction[x] * inverse, -self.direction[y] * inverse, inverse];
+            self.shears = Shears { factors, ..self.shears };
         } else if self.axes[0] != x || self.axes[1] != y {
             self.shears = approach.ways::<S, W>(simd, (self.first, self.len)).shears;
         }
         self.axes = approach.axes;
+    }
+
+    /// Where its rays cross a plane across the axis of a shaft: in x and in y.
+    #[inline(always)]
+    pub(crate) fn at_plane(&self, simd: S, plane: f32, is_flat: bool) -> [S::F32; 2] {
+        let [x, y, z] = self.axes;
+        let [sx, sy, _] = self.shears.factors;
+        let plane = simd.splat_f32(plane);
+        if is_flat {
+            let [ox, oy, _] = self.shears.crossings;
+            [-plane.mul_sub(sx, ox), -plane.mul_sub(sy, oy)]
+        } else {
+            let depth = self.origin[z] - plane;
+            [depth.mul_add(sx, self.origin[x]), depth.mul_add(sy, self.origin[y])]
+        }
     }
 
     /// The largest coordinate of each origin.

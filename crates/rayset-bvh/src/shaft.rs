@@ -112,9 +112,7 @@ impl<S: Simd> Shaft<S> {
             distances = distances.max(shears.distance_slack(simd, of_scene));
             let mut ends = [[one; 4]; 2];
             for (end, plane) in [near, far].into_iter().enumerate() {
-                let depth = simd.splat_f32(-plane);
-                let x = depth.mul_add(shears.factors[0], shears.crossings[0]);
-                let y = depth.mul_add(shears.factors[1], shears.crossings[1]);
+                let [x, y] = packet.at_plane(simd, plane, approach.is_flat);
                 ends[end] = [x, -x, y, -y];
             }
             let [near, far] = ends;

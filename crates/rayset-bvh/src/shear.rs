@@ -106,7 +106,9 @@ impl<const W: usize> Room<W> {
         for lane in 0..W {
             let i = first + lane.min(len - 1);
             let direction = rays.direction(i);
-            let origin = frame.point(rays.origin(i)) + advance * direction;
+            let origin = frame.point(rays.origin(i));
+            // Not by nothing, which would turn -0.0 into 0.0.
+            let origin = if advance > 0.0 { origin + advance * direction } else { origin };
             for k in 0..3 {
                 (room.origins[k][lane], room.directions[k][lane]) = (origin[k], direction[k]);
             }

@@ -13,7 +13,7 @@ pub const VERTEX_MARGIN: f32 = 7.25;
 pub const DISTANCE_MARGIN: [f32; 2] = [3.5, 1.25];
 /// How far an edge function may be off: by the size of what it is made of and the error of a vertex, by the square of that
 /// error, and, in roundings, by the square of the size.
-pub const EDGE_MARGIN: [f32; 3] = [4.25, 3.0, 7.0];
+pub const EDGE_MARGIN: [f32; 3] = [4.25, 3.0, 10.5];
 /// How far distances may be off besides, in roundings of the farthest vertex's.
 const OWN_ROUNDINGS: f32 = 3.5;
 /// How far the distance of a hit may be off relative to how far its triangle stretches along the ray: in errors of an edge
