@@ -341,7 +341,8 @@ mod tests {
                 spans: (&starts, &ends),
                 left: &[],
             };
-            let approach = Approach::of(&frame, &rays, 0..2 * W, true);
+            // Of flat shapes, and of others.
+            let approach = Approach::of(&frame, &rays, 0..2 * W, i % 2 == 0);
             let mut packets = [0, W].map(|first| Packet::<S, W>::new(simd, first, W, &approach));
             let units = level(simd, &mut packets, &approach).expect("they start nearby");
             let units = Units { of_rays: factor * units.of_rays, of_scene: factor * units.of_scene };
