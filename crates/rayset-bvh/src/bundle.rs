@@ -384,8 +384,8 @@ impl<const W: usize> Wide<W> {
         scratch: &mut BundleScratch,
     ) {
         let n = len.div_ceil(W);
-        let mut packets = [Packet::<S, W>::none(simd); W];
         let approach = Approach::of(frame, rays, first..first + len, self.shapes.is_flat());
+        let mut packets = [Packet::<S, W>::none(simd); W];
         let packets = &mut packets[..n];
         for (p, packet) in packets.iter_mut().enumerate() {
             packet.take(simd, (first + p * W, (len - p * W).min(W)), &approach);
