@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use rayset_simd::{Part, Simd};
 
+use crate::beam::Misses;
 use crate::blockers::Blockers;
 use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::descent::{Descent, OfPacket, OfTile};
@@ -28,6 +29,10 @@ use crate::trial::Trial;
 const PACKET_STEPS: u64 = 2;
 /// Fewer rays than this are traced one by one.
 const LEAST_PACKET: usize = 4;
+/// What it costs to find out whether a tile misses everything, and what is spared if it does: of each other.
+const MISS_STEPS: [u64; 2] = [64, 512];
+/// After how many tiles that is tried again: a tile that misses is seldom alone.
+const LONGEST_MISS_WAIT: usize = 8;
 /// What is taken for the steps of a ray before any was traced alone.
 const FIRST_STEPS: u64 = 8;
 
@@ -46,6 +51,7 @@ pub struct BundleScratch {
 #[derive(Clone, Copy, Debug)]
 struct Class {
     cones: Trial,
+    misses: Trial,
     tiles: Trial,
     packets: Trial,
     blockers: Blockers,
@@ -74,6 +80,7 @@ pub struct Bundled {
 impl Class {
     const NEW: Self = Self {
         cones: Trial::NEW,
+        misses: Trial::NEW,
         tiles: Trial::NEW,
         packets: Trial::NEW,
         blockers: Blockers::NEW,
@@ -299,6 +306,17 @@ impl<const W: usize> Wide<W> {
             let is_known = met.is_some();
             let known = &mut scratch.classes[class];
             let packets = len.div_ceil(W);
+            if suits && len > W && known.misses.is_due() {
+                let range = place.0..place.0 + len;
+                let Scratch { stack, steps, .. } = &mut scratch.single;
+                let is_missed = simd.outline(Misses { tree: &self.tree, frame, rays, range, stack, steps });
+                let [spent, saved] = MISS_STEPS;
+                known.misses.end_within(spent, if is_missed { saved } else { 0 }, LONGEST_MISS_WAIT);
+                if is_missed {
+                    scratch.bundled.tiles += len as u64;
+                    continue;
+                }
+            }
             if suits && len > W && known.wants_tile() {
                 self.tile(simd, frame, rays, place, is_known, class, list, scratch);
             } else if suits && len >= LEAST_PACKET && known.packets.is_due_within(packets) {

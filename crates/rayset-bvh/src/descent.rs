@@ -146,7 +146,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
             } else {
                 nodes += 1;
                 let node = &tree.nodes[current.index()];
-                let (met, begin) = shaft.meets(simd, node, asking.progress.reach);
+                let (met, begin) = shaft.beam.meets(simd, node, asking.progress.reach);
                 let mut bits = met.bits();
                 let mut entered = Aligned([1; W]);
                 if ALONE {

@@ -113,7 +113,7 @@ impl<const W: usize> FanBlock<W> {
             if self.lanes[lane] == 0 || usize::from(self.owners[lane]) != place {
                 continue;
             }
-            let [a, b, c] = self.triangles.one(simd, lane, shaft.axes);
+            let [a, b, c] = self.triangles.one(simd, lane, shaft.beam.axes);
             let vertices = [packet.shears.of(a), packet.shears.of(b), packet.shears.of(c)];
             let sheared = Sheared::of(vertices);
             let sides = sheared.sides(simd, shaft.rounding);

@@ -331,7 +331,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Asking<'_, S, Q, W> {
                     let block = shapes.triangle_block(run);
                     let extents = block.boxes(simd, &mut boxes);
                     shaft.rounding.of_edges(simd, extents).store(&mut errors.0);
-                    let columns = block.columns(shaft.axes);
+                    let columns = block.columns(shaft.beam.axes);
                     let exact = shapes.triangles_of(run);
                     let triangles =
                         Triangles { hittable, columns, errors: &errors, exact, pairs: shapes.pairs(run) };
@@ -484,7 +484,7 @@ impl<const W: usize> Shapes<W> {
         let hittable = Hittable::of(simd, self, run);
         match run.kind {
             PrimitiveKind::Triangle => {
-                let vertices = self.triangle_block(run).one(simd, place, shaft.axes);
+                let vertices = self.triangle_block(run).one(simd, place, shaft.beam.axes);
                 block(simd, &OneTriangle { hittable, place, vertices }, shaft, packets, asked)
             }
             PrimitiveKind::Sphere => {

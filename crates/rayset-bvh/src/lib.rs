@@ -18,6 +18,7 @@
 
 mod axes;
 mod batch;
+mod beam;
 mod blockers;
 mod boxes;
 mod build;

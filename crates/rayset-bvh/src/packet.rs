@@ -387,6 +387,13 @@ impl<S: Simd, const W: usize> Packet<S, W> {
     }
 }
 
+/// How far the `f64` hit may be off, by the largest coordinate of an origin as it was: it grows with that, and with those of
+/// the scene.
+#[inline(always)]
+pub(crate) fn hit_slack(frame: &Frame, size: f64) -> f64 {
+    HIT_MARGIN * (2.0 * (size + frame.remoteness) + 1.0)
+}
+
 /// Brings packets to the same rounding; `None` if an origin is far off.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
@@ -401,8 +408,7 @@ pub(crate) fn level<S: Simd, const W: usize>(
     }
     let size = sizes.greatest();
     // The error of a hit grows with the coordinates of the origin as it was.
-    let hit_slack =
-        HIT_MARGIN * (2.0 * (f64::from(size).max(approach.size) + approach.frame.remoteness) + 1.0);
+    let hit_slack = hit_slack(approach.frame, f64::from(size).max(approach.size));
     if !(size <= FAR && hit_slack < 1e-3) {
         return None;
     }

@@ -10,26 +10,20 @@
 
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
+use crate::beam::{Beam, Line, Planes};
 use crate::frame::CullBox;
 use crate::node::Node;
 use crate::packet::{Approach, Packet, Units};
 use crate::triangles::{Rounding, VERTEX_MARGIN};
 
 /// How much of a direction must go along the common axis.
-const LEAST_ALONG: f32 = 0.2;
+pub(crate) const LEAST_ALONG: f32 = 0.2;
 /// A plane across the axis beyond the scene.
-const BEYOND: f32 = 2.0;
+pub(crate) const BEYOND: f32 = 2.0;
 /// How long a shaft is at least.
 const LEAST_LENGTH: f32 = 0.5;
 /// How far the shaft's lines are moved outwards, in units of a coordinate's rounding: for the line, and for its slope.
 pub const SHAFT_MARGIN: [f32; 2] = [160.0, 40.0];
-
-/// A line in the plane of the common axis and another: `at + slope z`.
-#[derive(Clone, Copy, Debug)]
-struct Line<S: Simd> {
-    at: S::F32,
-    slope: S::F32,
-}
 
 /// The lines through pairs of points at two planes, moved outwards: up (1) or down (-1).
 #[inline(always)]
@@ -42,29 +36,19 @@ fn through<S: Simd>(
     unit: f32,
 ) -> Line<S> {
     let slope = (at_far - at_near) * simd.splat_f32(1.0 / (far - near));
-    let [fixed, steep] = SHAFT_MARGIN;
-    let slack =
-        slope.abs().mul_add(simd.splat_f32(outwards * unit * steep), simd.splat_f32(outwards * unit * fixed));
-    Line { at: at_near - slope * simd.splat_f32(near) + slack, slope }
+    Line { at: at_near - slope * simd.splat_f32(near), slope }.moved(simd, outwards, unit)
 }
 
 /// What holds all rays of some packets, and of each packet by itself.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shaft<S: Simd> {
-    /// Which axes play x, y and z, as in a shear.
-    pub(crate) axes: [usize; 3],
+    /// Round all.
+    pub(crate) beam: Beam<S>,
     /// The rounding of a coordinate, of the worst ray.
     pub(crate) unit: f32,
     /// How far tests along its axis may be off.
     pub(crate) rounding: Rounding,
-    /// 1 if the rays go up the axis, else -1.
-    towards: f32,
-    /// Where the rays begin along the axis, times `towards`.
-    first: f32,
-    /// Above and below, for the x and y of the shear; and at which of a box's ends along the axis each is the worse.
-    lines: [[Line<S>; 2]; 2],
-    worse: [[usize; 2]; 2],
-    /// The same lines of each packet, a lane each.
+    /// The lines of the beam round each packet, a lane each.
     of_each: [[Line<S>; 2]; 2],
 }
 
@@ -147,17 +131,13 @@ impl<S: Simd> Shaft<S> {
         }
         let steepness = steepness.greatest();
         Some(Self {
-            axes: [x, y, z],
+            beam: Beam { axes: [x, y, z], towards, first: first - SHAFT_MARGIN[0] * unit, lines, worse },
             unit,
             rounding: Rounding {
                 vertex: VERTEX_MARGIN * units.of_scene * steepness,
                 steepness,
                 distance: distances.greatest(),
             },
-            towards,
-            first: first - SHAFT_MARGIN[0] * unit,
-            lines,
-            worse,
             of_each,
         })
     }
@@ -165,41 +145,17 @@ impl<S: Simd> Shaft<S> {
     /// How far along the axis any ray of a packet may still find something, times the sense of the axis.
     #[inline(always)]
     pub(crate) fn reach<const W: usize>(&self, simd: S, packet: &Packet<S, W>) -> f32 {
-        let z = self.axes[2];
+        let z = self.beam.axes[2];
         let deepest =
-            packet.ends.mul_add(packet.direction[z], packet.origin[z]) * simd.splat_f32(self.towards);
+            packet.ends.mul_add(packet.direction[z], packet.origin[z]) * simd.splat_f32(self.beam.towards);
         (deepest.greatest() + SHAFT_MARGIN[0] * self.unit).min(BEYOND)
-    }
-
-    /// Which of several boxes the shaft meets, and how far along the axis each begins.
-    #[inline(always)]
-    pub(crate) fn meets(
-        &self,
-        simd: S,
-        planes: &impl Planes<S>,
-        reach: f32,
-    ) -> (<S::F32 as Lanes>::Mask, S::F32) {
-        let [x, y, z] = self.axes;
-        let towards = simd.splat_f32(self.towards);
-        let (near, far) = if self.towards > 0.0 { (z, 3 + z) } else { (3 + z, z) };
-        let begin = planes.plane(simd, near) * towards;
-        let end = planes.plane(simd, far) * towards;
-        let mut met = end.ge(simd.splat_f32(self.first)) & begin.le(simd.splat_f32(reach));
-        for (side, axis) in [x, y].into_iter().enumerate() {
-            let [above, below] = &self.lines[side];
-            let [at_above, at_below] = self.worse[side];
-            let above = planes.plane(simd, at_above).mul_add(above.slope, above.at);
-            let below = planes.plane(simd, at_below).mul_add(below.slope, below.at);
-            met = met & planes.plane(simd, axis).le(above) & planes.plane(simd, 3 + axis).ge(below);
-        }
-        (met, begin)
     }
 
     /// Which packets may meet a box, of those that still reach it.
     #[inline(always)]
     pub(crate) fn packets_that_meet(&self, simd: S, [low, high]: [[f32; 3]; 2], reaches: S::F32) -> u32 {
-        let [x, y, z] = self.axes;
-        let begin = if self.towards > 0.0 { low[z] } else { -high[z] };
+        let [x, y, z] = self.beam.axes;
+        let begin = if self.beam.towards > 0.0 { low[z] } else { -high[z] };
         let mut met = simd.splat_f32(begin).le(reaches);
         let (lower, upper) = (simd.splat_f32(low[z]), simd.splat_f32(high[z]));
         for (side, axis) in [x, y].into_iter().enumerate() {
@@ -214,14 +170,8 @@ impl<S: Simd> Shaft<S> {
     /// The primitives of a block that the shaft meets.
     #[inline(always)]
     pub(crate) fn candidates(&self, simd: S, block: &impl Planes<S>, reach: f32) -> u32 {
-        self.meets(simd, block, reach).0.bits()
+        self.beam.meets(simd, block, reach).0.bits()
     }
-}
-
-/// Boxes in lanes, by their six planes: lower x, y, z, then upper.
-pub(crate) trait Planes<S: Simd> {
-    /// A plane of every box.
-    fn plane(&self, simd: S, plane: usize) -> S::F32;
 }
 
 /// The boxes of primitives that no other block tells the boxes of.

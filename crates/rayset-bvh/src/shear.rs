@@ -14,7 +14,7 @@ use crate::ray::SINGLE;
 use crate::triangles::DISTANCE_MARGIN;
 
 /// How many parts of double precision make the lanes of single precision, at most.
-const MOST_PARTS: usize = 8;
+pub(crate) const MOST_PARTS: usize = 8;
 
 /// `W` rays as columns of doubles, and how they come into culling space.
 #[derive(Clone, Copy, Debug)]

@@ -304,7 +304,7 @@ mod tests {
             let packet = &packet[0];
             let mut block = TriangleBlock::<W>::EMPTY;
             block.set(0, corners.map(|corner| frame.point(corner).to_array()));
-            let [a, b, c] = block.one(simd, 0, shaft.axes);
+            let [a, b, c] = block.one(simd, 0, shaft.beam.axes);
             let [a, b, c] = [a, b, c].map(|vertex| packet.shears.of(vertex));
             // By itself, or as the second of two: then the edge that rays are aimed at is shared.
             let sheared =

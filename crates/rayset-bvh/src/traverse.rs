@@ -64,7 +64,7 @@ pub(crate) struct Aligned<T>(pub(crate) T);
 pub(crate) struct Stack {
     entries: Vec<u64>,
     /// The children alone, for who asks for no distances.
-    children: Vec<u32>,
+    pub(crate) children: Vec<u32>,
     /// The same of a packet, with distances along its axis.
     pub(crate) together: Vec<Pending>,
 }

@@ -41,6 +41,11 @@ impl Trial {
 
     /// Takes in what a shaft took, and what its rays would have taken otherwise if it has answered them.
     pub(crate) fn end(&mut self, spent: u64, saved: u64) {
+        self.end_within(spent, saved, LONGEST_WAIT);
+    }
+
+    /// The same, of something that is tried again after so many at most.
+    pub(crate) fn end_within(&mut self, spent: u64, saved: u64, longest_wait: usize) {
         // What is long ago counts less and less.
         self.spent = self.spent / 8 * 7 + spent;
         self.saved = self.saved / 8 * 7 + saved;
@@ -50,7 +55,7 @@ impl Trial {
             (self.wait, self.next_wait) = (1, (self.next_wait / 2).max(1));
         } else {
             self.wait = self.next_wait;
-            self.next_wait = (2 * self.next_wait).min(LONGEST_WAIT);
+            self.next_wait = (2 * self.next_wait).min(longest_wait);
         }
     }
 }
