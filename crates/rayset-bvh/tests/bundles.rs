@@ -294,6 +294,41 @@ fn rays_of_one_eye_are_answered_together() {
     }
 }
 
+#[test]
+fn tiles_that_miss_everything_stand_among_others() {
+    // Small shapes along a diagonal: of the tiles, squares of 16 x 16 rays, most see none of them.
+    let primitives: Vec<(Primitive, Sides)> = (0..60)
+        .map(|i| {
+            let at = f64::from(i) / 30.0 - 1.0;
+            let center = dvec3(0.9 * at, 0.8 * at, 0.3 * (7.0 * at).sin());
+            let primitive = if i % 2 == 0 {
+                Primitive::Sphere(Sphere::new(center, 0.03))
+            } else {
+                let [b, c] = [dvec3(0.05, 0.01, 0.0), dvec3(0.0, 0.05, 0.02)];
+                Primitive::Triangle(Triangle::new(center, center + b, center + c))
+            };
+            (primitive, Sides::Both)
+        })
+        .collect();
+    for eye in [dvec3(0.2, -0.1, -2.5), dvec3(0.3, 0.1, 0.2), dvec3(-4.0, 2.0, 1.0)] {
+        let (towards, across) = (-eye, dvec3(0.3, 1.0, 0.1));
+        let right = unit(towards.cross(across)).expect("it has a length");
+        let up = unit(right.cross(towards)).expect("it has a length");
+        let mut list = List::default();
+        for tile in 0..36 {
+            for pixel in 0..256 {
+                let x = f64::from(tile % 6 * 16 + pixel % 16) / 48.0 - 1.0;
+                let y = f64::from(tile / 6 * 16 + pixel / 16) / 48.0 - 1.0;
+                let direction = unit(towards + 1.3 * towards.length() * (x * right + y * up));
+                list.push(&Ray::new(eye, direction.expect("it has a length")), Span::FORWARD, None);
+            }
+        }
+        let stages = check_stages(&primitives, &list);
+        // Of rays from one eye most stay together, hits or none.
+        assert!(stages.tiles > stages.packets + stages.alone, "{eye}: {stages:?}");
+    }
+}
+
 /// Halves of the faces of a mesh, which packets test two at a time: from above, and grazing it.
 #[test]
 fn rays_meet_either_half_of_a_face_together() {
