@@ -15,10 +15,13 @@ use crate::columns::RayColumns;
 use crate::frame::Frame;
 use crate::node::{Child, Tree};
 use crate::packet::hit_slack;
-use crate::ray::{FAR, SINGLE};
+use crate::ray::SINGLE;
 use crate::shaft::{BEYOND, LEAST_ALONG, SHAFT_MARGIN};
 use crate::shear::MOST_PARTS;
 use crate::traverse::{Stack, Steps};
+
+/// Of rays that begin so far off that a coordinate is rounded by more, 1700 times the size of the scene, no beam is made.
+const MOST_UNIT: f64 = 1e-4;
 
 /// A line in the plane of the common axis and another: `at + slope z`.
 #[derive(Clone, Copy, Debug)]
@@ -114,14 +117,14 @@ impl Extremes {
         Self { origins: [[-ox, -oy, -oz], [px, py, pz]], directions: [[-dx, -dy, -dz], [ex, ey, ez]] }
     }
 
-    /// The rounding of a coordinate of the rays; `None` if one begins far off.
+    /// The rounding of a coordinate of the rays; `None` if one begins so far off that the margin is not small.
     #[inline(always)]
     pub(crate) fn unit(&self, frame: &Frame) -> Option<f32> {
         let [low, high] = self.origins;
         let size = (0..3).fold(0.0_f32, |size, k| size.max(-low[k]).max(high[k]));
-        let slack = hit_slack(frame, size.into());
+        let unit = f64::from((1.0 + size) * SINGLE) + hit_slack(frame, size.into());
         #[expect(clippy::cast_possible_truncation, reason = "the margin makes up for the rounding")]
-        (size <= FAR && slack < 1e-3).then_some((f64::from((1.0 + size) * SINGLE) + slack) as f32)
+        (unit < MOST_UNIT).then_some(unit as f32)
     }
 
     /// The beam round the rays, whose coordinates are rounded by a unit; `None` if they go along no axis together.
@@ -281,6 +284,8 @@ mod tests {
             let exactly = |x: f64| (x * 1024.0).round() / 1024.0;
             let touched = DVec3::new(exactly(0.7 * at()), exactly(0.5 * at()), exactly(0.8 * at()));
             let eye = DVec3::new(1.5 * at(), at(), -exactly(1.2 + at().abs()));
+            // Some begin far off.
+            let eye = if case / 24 % 3 == 0 { 30.0 * eye } else { eye };
             // All rays are the same; or the others go elsewhere; or begin elsewhere too; or only sooner, or later.
             let [apart, along, aside] =
                 [[0.0, 0.0, 0.0], [0.0, 0.0, 0.05], [0.1, 0.1, 0.05], [0.0, 0.2, 0.0]][case % 4];
@@ -332,7 +337,7 @@ mod tests {
             let [a, b] = [-DVec3::ONE, DVec3::new(1.0, 1.0, 0.0)].map(|corner| place(eye + 0.3 * corner));
             node.set(2, &frame.cull_box(&BoundingBox { min: a.min(b), max: a.max(b) }), Child::leaf(2));
             let extremes = Extremes::of::<S, W>(simd, &frame, &rays, 0..n);
-            let unit = extremes.unit(&frame).expect("they begin nearby");
+            let unit = extremes.unit(&frame).expect("they begin near enough");
             let Some(beam) = extremes.beam(simd, factor * unit) else { continue };
             let met = beam.meets(simd, &node, BEYOND).0.bits();
             assert_eq!(met & !7, 0, "{case}: nothing is met where there is no box");
