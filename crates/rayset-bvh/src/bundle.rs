@@ -65,7 +65,7 @@ const N_CLASSES: usize = 64;
 /// How many rays each stage answered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bundled {
-    /// In tiles of packets; among few spheres, in blocks whose cone missed enough of them.
+    /// In tiles of packets, or in tiles that miss everything; among few spheres, in blocks whose cone missed enough of them.
     pub tiles: u64,
     /// In packets.
     pub packets: u64,

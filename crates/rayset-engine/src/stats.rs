@@ -52,7 +52,7 @@ pub struct CoherenceCounts {
 /// How many rays of one kind each stage of `bundle` answered, the rays that it is coherence for first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct StageCounts {
-    /// Under the shaft of a tile of packets.
+    /// Under the shaft of a tile of packets, or in a tile that misses everything.
     pub tiles: u64,
     /// Under the shaft of a packet.
     pub packets: u64,
