@@ -300,7 +300,7 @@ fn tiles_that_miss_everything_stand_among_others() {
     let primitives: Vec<(Primitive, Sides)> = (0..60)
         .map(|i| {
             let at = f64::from(i) / 30.0 - 1.0;
-            let center = dvec3(0.9 * at, 0.8 * at, 0.3 * (7.0 * at).sin());
+            let center = dvec3(0.9 * at, 0.8 * at, 0.6 * (7.0 * at).fract() - 0.3);
             let primitive = if i % 2 == 0 {
                 Primitive::Sphere(Sphere::new(center, 0.03))
             } else {
