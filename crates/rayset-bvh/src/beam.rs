@@ -16,11 +16,18 @@ use crate::frame::Frame;
 use crate::node::{Child, Tree};
 use crate::packet::hit_slack;
 use crate::ray::SINGLE;
-use crate::shaft::{BEYOND, LEAST_ALONG, SHAFT_MARGIN};
 use crate::shear::MOST_PARTS;
 use crate::traverse::{Stack, Steps};
 
-/// Of rays that begin so far off that a coordinate is rounded by more, 1700 times the size of the scene, no beam is made.
+/// How much of a direction must go along the common axis.
+pub(crate) const LEAST_ALONG: f32 = 0.2;
+/// A plane across the axis beyond the scene.
+pub(crate) const BEYOND: f32 = 2.0;
+/// How far the lines are moved outwards, in units of a coordinate's rounding: for the line, and for its slope.
+pub const SHAFT_MARGIN: [f32; 2] = [160.0, 40.0];
+/// More than any coordinate of a direction: where one is greater, or infinite, no line holds the rays.
+const MOST_ALONG: f32 = 2.0;
+/// No beam is made of rays whose coordinates are rounded by more: one begins some 1700 times the scene's size away.
 const MOST_UNIT: f64 = 1e-4;
 
 /// A line in the plane of the common axis and another: `at + slope z`.
@@ -137,7 +144,8 @@ impl Extremes {
         if along(2) > along(z) {
             z = 2;
         }
-        if !(along(z) >= LEAST_ALONG && low[z] <= high[z]) {
+        let longest = (0..3).fold(0.0_f32, |longest, k| longest.max(-least[k]).max(most[k]));
+        if !(along(z) >= LEAST_ALONG && longest <= MOST_ALONG && low[z] <= high[z]) {
             return None;
         }
         let [x, y] = [(z + 1) % 3, (z + 2) % 3];
@@ -239,7 +247,7 @@ mod tests {
     use rand_chacha::rand_core::{Rng, SeedableRng};
     use rayset_geometry::glam::DVec3;
     use rayset_geometry::{BoundingBox, unit};
-    use rayset_simd::{Backend, Kernel};
+    use rayset_simd::{Backend, Kernel, Scalar};
 
     use super::*;
     use crate::node::Node;
@@ -349,6 +357,17 @@ mod tests {
             }
         }
         tally
+    }
+
+    #[test]
+    fn one_direction_that_is_none_makes_no_beam() {
+        let origins = [[0.0; 3]; 2];
+        let beam = |most: f32| {
+            let directions = [[-0.1, 0.0, 0.9], [most, 0.1, 1.0]];
+            Extremes { origins, directions }.beam(Scalar, 1e-7)
+        };
+        assert!(beam(0.2).is_some());
+        assert!(beam(f32::INFINITY).is_none(), "its lines would hold nothing");
     }
 
     #[test]

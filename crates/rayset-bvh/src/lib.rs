@@ -53,6 +53,7 @@ mod triangles;
 
 pub use axes::{AXIS_MARGIN, REACH_MARGIN};
 pub use batch::Query;
+pub use beam::SHAFT_MARGIN;
 pub use boxes::BoxHierarchy;
 pub use bundle::{BundleScratch, Bundled};
 pub use columns::{HitOrNone, Left, RayColumns};
@@ -62,7 +63,6 @@ pub use hierarchy::{Hierarchy, Scratch};
 pub use interval::SPHERE_MARGIN;
 pub use own::{Shape, ShapeHierarchy};
 pub use ray::SLAB_MARGIN;
-pub use shaft::SHAFT_MARGIN;
 pub use shapes::Hit;
 pub use traverse::Steps;
 pub use triangles::{DISTANCE_MARGIN, EDGE_MARGIN, VERTEX_MARGIN, WEIGHT_MARGIN};

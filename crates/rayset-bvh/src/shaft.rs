@@ -10,20 +10,14 @@
 
 use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
-use crate::beam::{Beam, Line, Planes};
+use crate::beam::{BEYOND, Beam, LEAST_ALONG, Line, Planes, SHAFT_MARGIN};
 use crate::frame::CullBox;
 use crate::node::Node;
 use crate::packet::{Approach, Packet, Units};
 use crate::triangles::{Rounding, VERTEX_MARGIN};
 
-/// How much of a direction must go along the common axis.
-pub(crate) const LEAST_ALONG: f32 = 0.2;
-/// A plane across the axis beyond the scene.
-pub(crate) const BEYOND: f32 = 2.0;
 /// How long a shaft is at least.
 const LEAST_LENGTH: f32 = 0.5;
-/// How far the shaft's lines are moved outwards, in units of a coordinate's rounding: for the line, and for its slope.
-pub const SHAFT_MARGIN: [f32; 2] = [160.0, 40.0];
 
 /// The lines through pairs of points at two planes, moved outwards: up (1) or down (-1).
 #[inline(always)]
