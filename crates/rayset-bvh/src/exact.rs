@@ -3,6 +3,7 @@
 use rayset_geometry::{ColumnRun, Departure, PrimitiveKind, Probe, Ray, Sides, Span, Sphere, Triangle};
 use rayset_simd::{LaneMask, Lanes, Part, Scalar, Simd};
 
+use self::lanes::in_order;
 pub(crate) use self::sure::ExactSure;
 use crate::columns::{Left, RayColumns};
 use crate::frame::Frame;
@@ -49,8 +50,15 @@ impl<const W: usize> Exact<'_, W> {
     }
 }
 
-/// So many rays at least are tested together against a sphere; of other shapes preparing one by itself takes as long.
-const LEAST_TOGETHER: u32 = 3;
+/// So many rays at least are tested together against a shape of a kind; of triangles and cones preparing one by itself takes
+/// as long.
+const fn least_together(kind: PrimitiveKind) -> u32 {
+    match kind {
+        PrimitiveKind::Sphere => 3,
+        PrimitiveKind::Polygon => 2,
+        PrimitiveKind::Triangle | PrimitiveKind::Cone => 1,
+    }
+}
 
 /// The exact hits of rays of a packet, of one primitive.
 #[derive(Clone, Copy, Debug)]
@@ -84,21 +92,21 @@ impl<S: Simd, const W: usize> Part<S> for ExactTogether<'_, W> {
         let mut hits = ExactHits { lanes: 0, t: [0.0; W], primitive: shapes.number(kind, index) };
         let pairs = S::F64::LANES;
         let mut lane = 0;
-        let least = if kind == PrimitiveKind::Sphere { LEAST_TOGETHER } else { 1 };
-        let can_go_together = kind != PrimitiveKind::Polygon;
-        while can_go_together && lanes >> lane != 0 && first + lane + pairs <= rays.len() {
+        let least = least_together(kind);
+        while lanes >> lane != 0 && first + lane + pairs <= rays.len() {
             let wanted = lanes & (u32::MAX >> (32 - pairs)) << lane;
             if wanted.count_ones() >= least {
                 let at = first + lane;
                 // A plane is never met again by a ray that leaves it.
-                let not_back = if kind == PrimitiveKind::Triangle { leaving } else { outwards };
+                let is_plane = matches!(kind, PrimitiveKind::Triangle | PrimitiveKind::Polygon);
+                let not_back = if is_plane { leaving } else { outwards };
                 let front = if sides == Sides::Back { 0 } else { wanted & !leaving };
                 let back = if sides == Sides::Front { 0 } else { wanted & !not_back };
                 let sides = (simd.mask_f64(front >> lane), simd.mask_f64(back >> lane));
                 let (is_hit, t) = match kind {
                     PrimitiveKind::Triangle => {
                         let (rays, order) = rays.sheared(simd, at);
-                        let vertices = order.of_one(simd, shapes.triangle(index));
+                        let vertices = in_order(simd, &order, shapes.triangle(index));
                         Triangle::intersect_pairs(simd, &rays, vertices, sides)
                     }
                     PrimitiveKind::Sphere => {
@@ -109,7 +117,11 @@ impl<S: Simd, const W: usize> Part<S> for ExactTogether<'_, W> {
                         let pair = rays.lanes(simd, at);
                         Sphere::intersect_pairs(simd, &pair.rays, pair.span, sphere, sides)
                     }
-                    _ => {
+                    PrimitiveKind::Polygon => {
+                        let (rays, order) = rays.sheared(simd, at);
+                        shapes.columns.polygon_by_rays(simd, index, (&rays, &order), sides)
+                    }
+                    PrimitiveKind::Cone => {
                         let pair = rays.lanes(simd, at);
                         shapes.columns.cone_by_rays(simd, index, &pair.rays, pair.span, sides)
                     }

@@ -36,11 +36,6 @@ trait Primitives<S: Simd, const W: usize> {
 
     /// Tests it against the rays of a packet, and tells where they may hit it.
     fn test<Q: Question<S, W>>(&self, simd: S, one: &Self::One, taker: &mut Taker<'_, S, Q, W>);
-
-    /// What an exact test of a ray and one of them costs, in steps.
-    fn exact_steps(&self) -> u32 {
-        1
-    }
 }
 
 /// A packet that is tested against primitives of a run, and what it asks.
@@ -300,11 +295,6 @@ impl<S: Simd, const W: usize> Primitives<S, W> for Others<'_, S, W> {
         let at = self.intervals(simd, place, taker.shaft, taker.packet);
         taker.take(simd, place, &at);
     }
-
-    fn exact_steps(&self) -> u32 {
-        let is_long = self.run.kind == PrimitiveKind::Polygon && self.shapes.fan_block(self.run).is_none();
-        if is_long { 32 } else { 1 }
-    }
 }
 
 /// Packets under a shaft, what they ask, and how far they have come.
@@ -398,7 +388,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Asking<'_, S, Q, W> {
                     Taker { exact, shaft, run: i, packet, asked, is_nearer: false, exact_tests: 0 };
                 primitives.test(simd, &one, &mut taker);
                 let Taker { is_nearer, exact_tests, .. } = taker;
-                progress.exact_steps += u64::from(exact_tests * primitives.exact_steps());
+                progress.exact_tests += u64::from(exact_tests);
                 if is_nearer {
                     let reach = simd.splat_f32(shaft.reach(simd, packet));
                     reach.put(simd.mask_f32(1 << p), &mut progress.reaches);
@@ -436,8 +426,8 @@ pub(crate) struct Progress<S: Simd> {
     pub(crate) packet_tests: u64,
     /// How many rays and primitives those were.
     pub(crate) ray_tests: u64,
-    /// Steps for tests in double precision, where single precision was not sure.
-    pub(crate) exact_steps: u64,
+    /// Tests of a ray in double precision, where single precision was not sure.
+    pub(crate) exact_tests: u64,
 }
 
 impl<S: Simd> Progress<S> {
@@ -449,12 +439,12 @@ impl<S: Simd> Progress<S> {
         }
         let reaches = simd.load_f32(&reaches);
         let reach = reaches.greatest();
-        Self { reaches, reach, shaft_tests: 0, packet_tests: 0, ray_tests: 0, exact_steps: 0 }
+        Self { reaches, reach, shaft_tests: 0, packet_tests: 0, ray_tests: 0, exact_tests: 0 }
     }
 
     /// What the tests of rays against primitives took, in steps.
     pub(crate) fn tests(&self) -> u64 {
-        PACKET_TEST_STEPS * self.packet_tests + self.exact_steps
+        PACKET_TEST_STEPS * self.packet_tests + self.exact_tests
     }
 
     #[inline(always)]

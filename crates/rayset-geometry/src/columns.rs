@@ -8,8 +8,8 @@ use rayset_simd::{LaneMask, Lanes, MAX_LANES, Simd};
 use crate::departure::Allowed;
 use crate::probe::map3;
 use crate::{
-    BoundingBox, Cone, ConeAxis, Departure, Polygon, Primitive, PrimitiveKind, Probe, RayLanes, Side, Sides,
-    Sphere, Triangle, cone, polygon, sphere, triangle,
+    AxesOrder, BoundingBox, Cone, ConeAxis, Departure, Polygon, Primitive, PrimitiveKind, Probe, RayLanes,
+    ShearedLanes, Side, Sides, Sphere, Triangle, cone, polygon, sphere, triangle,
 };
 
 /// Primitives of all kinds, a structure of arrays for each kind.
@@ -266,6 +266,27 @@ impl PrimitiveColumns {
         cone::intersect_pairs(simd, rays, span, parameters, sides)
     }
 
+    /// Where rays meet a polygon, a ray a lane: the lanes that hit it, and `t`; of the rays, how they are sheared, in which
+    /// order they want coordinates, and the lanes whose front and back may be hit.
+    ///
+    /// The arithmetic of [`PrimitiveColumns::nearest`], and its bits.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such polygon.
+    #[must_use]
+    #[inline(always)]
+    pub fn polygon_by_rays<S: Simd>(
+        &self,
+        simd: S,
+        index: u32,
+        (rays, order): (&ShearedLanes<S>, &AxesOrder<S>),
+        sides: (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
+    ) -> (<S::F64 as Lanes>::Mask, S::F64) {
+        let (of, count) = self.vertices_of(index as usize);
+        polygon::intersect_by_rays(simd, rays, &CornerColumns { of, order }, count, sides)
+    }
+
     /// How many vertices a polygon has.
     ///
     /// # Panics
@@ -465,11 +486,17 @@ impl PrimitiveColumns {
 
     #[inline(always)]
     fn intersect_polygon<S: Simd>(&self, probe: &Probe<S>, i: usize) -> Option<(Side, f64)> {
+        let (vertices, count) = self.vertices_of(i);
+        polygon::intersect(probe, &vertices, count)
+    }
+
+    /// The vertices of a polygon, and how many they are.
+    #[inline(always)]
+    fn vertices_of(&self, i: usize) -> (VertexColumns<'_>, usize) {
         let (start, next) = (self.polygon_starts[i] as usize, self.polygon_starts[i + 1] as usize);
         let first_box = self.polygon_box_starts[i] as usize;
         let (columns, boxes) = (&self.polygon_vertices, &self.polygon_boxes);
-        let vertices = VertexColumns { columns, start, boxes, first_box };
-        polygon::intersect(probe, &vertices, next - start - 1)
+        (VertexColumns { columns, start, boxes, first_box }, next - start - 1)
     }
 }
 
@@ -521,8 +548,34 @@ impl<S: Simd> polygon::Vertices<S> for VertexColumns<'_> {
     }
 
     #[inline(always)]
-    fn may_cross(&self, probe: &Probe<S>, factors: [S::F64; 3], first: usize) -> u32 {
-        polygon::parts_that_may_cross(probe, factors, self.boxes, self.first_box + first)
+    fn may_cross(&self, probe: &Probe<S>, ray: &ShearedLanes<S>, first: usize) -> u32 {
+        let (simd, [_, y, z]) = (probe.simd, probe.shear.axes);
+        let plane = |k: usize| &self.boxes[k][self.first_box + first..];
+        let low = [simd.load_f64(plane(y)), simd.load_f64(plane(z))];
+        let high = [simd.load_f64(plane(3 + y)), simd.load_f64(plane(3 + z))];
+        polygon::may_cross(simd, ray, [low, high]).bits()
+    }
+}
+
+/// The corners of a polygon, for rays that want their coordinates in some order.
+struct CornerColumns<'a, S: Simd> {
+    of: VertexColumns<'a>,
+    order: &'a AxesOrder<S>,
+}
+
+impl<S: Simd> polygon::Corners<S> for CornerColumns<'_, S> {
+    #[inline(always)]
+    fn vertex(&self, simd: S, i: usize) -> [S::F64; 3] {
+        let ([x, y, z], i) = (self.of.columns, self.of.start + i);
+        self.order.splat(simd, [x[i], y[i], z[i]])
+    }
+
+    #[inline(always)]
+    fn part(&self, simd: S, part: usize) -> [[S::F64; 2]; 2] {
+        let (planes, i) = (self.of.boxes, self.of.first_box + part);
+        let [_, low_y, low_z] = self.order.splat(simd, [planes[0][i], planes[1][i], planes[2][i]]);
+        let [_, high_y, high_z] = self.order.splat(simd, [planes[3][i], planes[4][i], planes[5][i]]);
+        [[low_y, low_z], [high_y, high_z]]
     }
 }
 

@@ -46,7 +46,7 @@ pub use kind::PrimitiveKind;
 pub use pencil::{PENCIL_MARGIN, Pencil, PencilGate, PencilLanes};
 pub use polygon::Polygon;
 pub use primitive::Primitive;
-pub use probe::{AxesLanes, Probe, RayLanes, Shear, ShearedLanes};
+pub use probe::{AxesLanes, AxesOrder, Probe, RayLanes, Shear, ShearedLanes};
 pub use ray::{Ray, unit};
 pub use region::{BoundingPlane, PARTITION_MARGIN, VolumeColumns, VolumeLanes, VolumeSet};
 pub use side::{Side, Sides};

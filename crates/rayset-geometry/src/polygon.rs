@@ -3,9 +3,8 @@
 use glam::DVec3;
 use rayset_simd::{LaneMask, Lanes, MAX_LANES, Scalar, Simd};
 
-use crate::crossing::{Crossing, Crossings};
-use crate::probe::map3;
-use crate::{BoundingSphere, Probe, Side, compare_products, enclosing_sphere};
+use crate::crossing::{Crossed, Crossing, Crossings};
+use crate::{BoundingSphere, Probe, ShearedLanes, Side, compare_products, enclosing_sphere};
 
 /// A polygon whose vertices lie in one plane, in world space; its front is where they go round counterclockwise.
 ///
@@ -74,32 +73,27 @@ pub(crate) fn intersect<S: Simd>(
     vertices: &impl Vertices<S>,
     count: usize,
 ) -> Option<(Side, f64)> {
-    let simd = probe.simd;
+    let (simd, axes, ray) = (probe.simd, probe.shear.axes, probe.sheared());
     let zero = simd.splat_f64(0.0);
-    let factors = map3(probe.shear.factors, |factor| simd.splat_f64(factor));
-    let mut crossings = Crossings::default();
+    let mut crossings = Crossings::none(f64::INFINITY);
     let mut winding = 0;
     let mut parts = Parts::new(count);
-    while let Some(i) = parts.next(probe, factors, vertices) {
-        let ([px, py, pz], [qx, qy, qz]) = (
-            sheared(probe, factors, vertices.load(simd, i)),
-            sheared(probe, factors, vertices.load(simd, i + 1)),
-        );
+    while let Some(i) = parts.next(probe, &ray, vertices) {
+        let p @ [px, py, _] = sheared(&ray, axes, vertices.load(simd, i));
+        let q @ [qx, qy, _] = sheared(&ray, axes, vertices.load(simd, i + 1));
         let (p_above, q_above) = (py.gt(zero), qy.gt(zero));
         let real = (1_u32 << (count - i).min(S::F64::LANES)) - 1;
         let mut crossing = ((p_above & !q_above) | (q_above & !p_above)).bits() & real;
         if crossing == 0 {
             continue;
         }
-        let rise = qy - py;
-        let fraction = -py / rise;
+        let crossed = Crossed::of(p, q);
         let (mut numerators, mut rises) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
-        (px * qy - py * qx).store(&mut numerators);
-        rise.store(&mut rises);
-        // x is no quotient of the numerator, which may have lost its digits to underflow.
+        crossed.numerator.store(&mut numerators);
+        crossed.rise.store(&mut rises);
         let (mut xs, mut depths) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
-        between(fraction, px, qx).store(&mut xs);
-        between(fraction, pz, qz).store(&mut depths);
+        crossed.at.x.store(&mut xs);
+        crossed.at.depth.store(&mut depths);
         while crossing != 0 {
             let lane = crossing.trailing_zeros() as usize % MAX_LANES;
             crossing &= crossing - 1;
@@ -113,9 +107,9 @@ pub(crate) fn intersect<S: Simd>(
             let candidate = Crossing { x: xs[lane], depth: depths[lane] };
             if sign.is_ne() && sign.is_gt() == rises {
                 winding += if rises { 1 } else { -1 };
-                crossings.add_right(candidate);
+                crossings.add_right(true, candidate, 0.0);
             } else {
-                crossings.add_left(candidate);
+                crossings.add_left(true, candidate, 0.0);
             }
         }
     }
@@ -124,7 +118,93 @@ pub(crate) fn intersect<S: Simd>(
     }
     // Clockwise about the ray's direction is counterclockwise for the eye.
     let side = if winding < 0 { Side::Front } else { Side::Back };
-    Some((side, crossings.depth_of_ray()?))
+    Some((side, crossings.depth_of_ray(0.0)))
+}
+
+/// Where rays meet a polygon of `count` vertices, a ray a lane: the lanes that hit it, and `t`; of the rays, the lanes whose
+/// front and back may be hit.
+///
+/// The arithmetic of [`intersect`], and its bits: every edge is asked about all rays, where that one asks a ray about
+/// several edges.
+#[inline(always)]
+pub(crate) fn intersect_by_rays<S: Simd>(
+    simd: S,
+    rays: &ShearedLanes<S>,
+    corners: &impl Corners<S>,
+    count: usize,
+    (front, back): (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
+) -> (<S::F64 as Lanes>::Mask, S::F64) {
+    let (zero, one) = (simd.splat_f64(0.0), simd.splat_f64(1.0));
+    let mut crossings = Crossings::none(simd.splat_f64(f64::INFINITY));
+    let (mut is_odd, mut winding) = (simd.mask_f64(0), zero);
+    let wanted = front | back;
+    for part in 0..count.div_ceil(PART) {
+        if count > LONG && !(wanted & may_cross(simd, rays, corners.part(simd, part))).any() {
+            continue;
+        }
+        let first = part * PART;
+        let mut p = corners.vertex(simd, first);
+        let mut p_along = rays.along(p[2]);
+        let mut p_y = rays.across(1, p[1], p_along);
+        for i in first..(first + PART).min(count) {
+            let q = corners.vertex(simd, i + 1);
+            let q_along = rays.along(q[2]);
+            let q_y = rays.across(1, q[1], q_along);
+            let (p_above, q_above) = (p_y.gt(zero), q_y.gt(zero));
+            let crossing = wanted & ((p_above & !q_above) | (q_above & !p_above));
+            if crossing.any() {
+                let factor = rays.factors[2];
+                let sheared_p = [rays.across(0, p[0], p_along), p_y, factor * p_along];
+                let sheared_q = [rays.across(0, q[0], q_along), q_y, factor * q_along];
+                let Crossed { rise, numerator, at } = Crossed::of(sheared_p, sheared_q);
+                let (mut positive, mut negative) = (numerator.gt(zero), numerator.lt(zero));
+                let doubtful = crossing & !(positive | negative);
+                if doubtful.any() {
+                    let [more, less] = signs_of_products(doubtful.bits(), sheared_p, sheared_q);
+                    (positive, negative) = (positive | simd.mask_f64(more), negative | simd.mask_f64(less));
+                }
+                let rises = rise.gt(zero);
+                let is_right = crossing & ((positive & rises) | (negative & !rises));
+                is_odd = (is_odd & !is_right) | (is_right & !is_odd);
+                winding = winding + one.select(rises, -one).select(is_right, zero);
+                crossings.add_right(is_right, at, zero);
+                crossings.add_left(crossing & !is_right, at, zero);
+            }
+            (p, p_along, p_y) = (q, q_along, q_y);
+        }
+    }
+    let met = is_odd & ((winding.lt(zero) & front) | (winding.gt(zero) & back));
+    let t = crossings.depth_of_ray(zero);
+    let [start, end] = rays.span;
+    (met & t.gt(start) & t.lt(end), t)
+}
+
+/// Of some lanes, those in which the exact `p_x q_y - p_y q_x` is positive, and negative.
+#[cold]
+fn signs_of_products<L: Lanes<Scalar = f64>>(
+    mut lanes: u32,
+    [px, py, _]: [L; 3],
+    [qx, qy, _]: [L; 3],
+) -> [u32; 2] {
+    let mut signs = [0; 2];
+    while lanes != 0 {
+        let lane = lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        let sign = compare_products(px.lane(lane), qy.lane(lane), py.lane(lane), qx.lane(lane));
+        signs[0] |= u32::from(sign.is_gt()) << lane;
+        signs[1] |= u32::from(sign.is_lt()) << lane;
+    }
+    signs
+}
+
+/// Where the corners of a polygon are read from, each in every lane, in the order of each ray's axes. A trait and not a
+/// closure, since it must be inlined always.
+pub(crate) trait Corners<S: Simd> {
+    /// Vertex `i`; vertex `count` is the first once more.
+    fn vertex(&self, simd: S, i: usize) -> [S::F64; 3];
+
+    /// Lower y and z of the box of a part, and upper ones.
+    fn part(&self, simd: S, part: usize) -> [[S::F64; 2]; 2];
 }
 
 /// Where the vertices are read from. A trait and not a closure, since it must be inlined always.
@@ -134,7 +214,7 @@ pub(crate) trait Vertices<S: Simd> {
 
     /// Which of the parts `first`, `first + 1`, ... as many as there are lanes, may have an edge that crosses the x axis.
     #[inline(always)]
-    fn may_cross(&self, _probe: &Probe<S>, _factors: [S::F64; 3], _first: usize) -> u32 {
+    fn may_cross(&self, _probe: &Probe<S>, _ray: &ShearedLanes<S>, _first: usize) -> u32 {
         u32::MAX
     }
 }
@@ -158,28 +238,25 @@ pub(crate) fn boxes_of(vertices: &[DVec3]) -> impl Iterator<Item = [f64; 6]> {
     })
 }
 
-/// Which of the parts with the boxes from `first` on may have an edge that crosses the x axis of sheared space.
+/// Which boxes may hold an edge that crosses the x axis of sheared space, a ray and a box a lane: lower y and z of the boxes,
+/// and upper ones, by the axes of each ray.
 ///
 /// An edge crosses it whose ends are told apart by whether their sheared y is above zero. What is computed here for the
-/// ends of a box is computed by the operations of [`sheared`], each of which is monotonic in every operand, rounding
-/// and all: so no vertex of the box has a computed y beyond these two, and there is no margin.
+/// ends of a box is computed by the operations of [`ShearedLanes::shear`], each of which is monotonic in every operand,
+/// rounding and all: so no vertex of the box has a computed y beyond these two, and there is no margin.
 #[inline(always)]
-pub(crate) fn parts_that_may_cross<S: Simd>(
-    probe: &Probe<S>,
-    [_, sy, _]: [S::F64; 3],
-    boxes: &[Vec<f64>; 6],
-    first: usize,
-) -> u32 {
-    let ([_, ay, az], origin, simd) = (probe.shear.axes, &probe.lanes.origin, probe.simd);
-    let plane = |k: usize| &boxes[k][first..];
-    let zero = simd.splat_f64(0.0);
-    let at_low = sy * (simd.load_f64(plane(az)) - origin[az]);
-    let at_high = sy * (simd.load_f64(plane(3 + az)) - origin[az]);
-    let least = (simd.load_f64(plane(ay)) - origin[ay]) - at_low.max(at_high);
-    let greatest = (simd.load_f64(plane(3 + ay)) - origin[ay]) - at_low.min(at_high);
+pub(crate) fn may_cross<S: Simd>(
+    simd: S,
+    rays: &ShearedLanes<S>,
+    [[low_y, low_z], [high_y, high_z]]: [[S::F64; 2]; 2],
+) -> <S::F64 as Lanes>::Mask {
+    let (zero, [_, oy, _], [_, sy, _]) = (simd.splat_f64(0.0), rays.origin, rays.factors);
+    let (at_low, at_high) = (sy * rays.along(low_z), sy * rays.along(high_z));
+    let least = (low_y - oy) - at_low.max(at_high);
+    let greatest = (high_y - oy) - at_low.min(at_high);
     // Coordinates so large that their difference is no number bound nothing.
     let is_bound = at_low.eq(at_low) & at_high.eq(at_high);
-    !(is_bound & (least.gt(zero) | greatest.le(zero))).bits()
+    !(is_bound & (least.gt(zero) | greatest.le(zero)))
 }
 
 /// Goes through the edges of a polygon that may cross the x axis, as many at a time as there are lanes.
@@ -207,7 +284,7 @@ impl Parts {
     fn next<S: Simd>(
         &mut self,
         probe: &Probe<S>,
-        factors: [S::F64; 3],
+        ray: &ShearedLanes<S>,
         vertices: &impl Vertices<S>,
     ) -> Option<usize> {
         if self.next >= self.end {
@@ -222,7 +299,7 @@ impl Parts {
                 }
                 self.next_base += S::F64::LANES;
                 let real = (1 << (n - self.base).min(S::F64::LANES)) - 1;
-                self.bits = vertices.may_cross(probe, factors, self.base) & real;
+                self.bits = vertices.may_cross(probe, ray, self.base) & real;
             }
             let part = self.base + self.bits.trailing_zeros() as usize;
             self.bits &= self.bits - 1;
@@ -244,18 +321,9 @@ impl Vertices<Scalar> for Polygon {
 
 /// A vertex in sheared space, with the distance along the ray for a depth.
 #[inline(always)]
-fn sheared<S: Simd>(probe: &Probe<S>, [sx, sy, sz]: [S::F64; 3], vertex: [S::F64; 3]) -> [S::F64; 3] {
-    let ([ax, ay, az], origin) = (probe.shear.axes, &probe.lanes.origin);
-    let z = vertex[az] - origin[az];
-    let x = (vertex[ax] - origin[ax]) - sx * z;
-    let y = (vertex[ay] - origin[ay]) - sy * z;
-    [x, y, sz * z]
-}
-
-/// A fraction of the way from `p` to `q`; where rounding leads beyond the ends, the clamp keeps the bound exact.
-#[inline(always)]
-fn between<L: Lanes>(fraction: L, p: L, q: L) -> L {
-    (p + fraction * (q - p)).max(p.min(q)).min(p.max(q))
+fn sheared<S: Simd>(ray: &ShearedLanes<S>, [ax, ay, az]: [usize; 3], vertex: [S::F64; 3]) -> [S::F64; 3] {
+    let [x, y, z] = ray.shear([vertex[ax], vertex[ay], vertex[az]]);
+    [x, y, ray.factors[2] * z]
 }
 
 #[cfg(test)]

@@ -126,6 +126,35 @@ impl<S: Simd> AxesLanes<S> {
     }
 }
 
+/// In which order rays, a lane each, want the coordinates of points.
+#[derive(Clone, Copy, Debug)]
+pub enum AxesOrder<S: Simd> {
+    /// In that of the axes that all have.
+    Common([usize; 3]),
+    /// In that of each ray's own.
+    Own(AxesLanes<S>),
+}
+
+impl<S: Simd> AxesOrder<S> {
+    /// That of rays with these axes.
+    #[must_use]
+    #[inline(always)]
+    pub fn of(axes: AxesLanes<S>) -> Self {
+        axes.common().map_or(Self::Own(axes), Self::Common)
+    }
+
+    /// A point, in every lane.
+    #[must_use]
+    #[inline(always)]
+    pub fn splat(&self, simd: S, point: [f64; 3]) -> [S::F64; 3] {
+        let of_axis = |axis: usize| simd.splat_f64(point[axis]);
+        match self {
+            Self::Common([x, y, z]) => [of_axis(*x), of_axis(*y), of_axis(*z)],
+            Self::Own(axes) => axes.order([of_axis(0), of_axis(1), of_axis(2)]),
+        }
+    }
+}
+
 /// Rays that are sheared, a lane each.
 #[derive(Clone, Copy, Debug)]
 pub struct ShearedLanes<S: Simd> {
@@ -144,6 +173,25 @@ impl<S: Simd> ShearedLanes<S> {
     pub fn of(simd: S, rays: RayLanes<S>, span: [S::F64; 2]) -> Self {
         let RayLanes { origin, direction: [dx, dy, dz] } = rays;
         Self { origin, factors: [dx / dz, dy / dz, simd.splat_f64(1.0) / dz], span }
+    }
+
+    /// The z of points in sheared space, but for the factor that makes it a distance along the ray.
+    #[inline(always)]
+    pub(crate) fn along(&self, z: S::F64) -> S::F64 {
+        z - self.origin[2]
+    }
+
+    /// The x or y of points in sheared space, of which `along` is known.
+    #[inline(always)]
+    pub(crate) fn across(&self, axis: usize, coordinate: S::F64, along: S::F64) -> S::F64 {
+        (coordinate - self.origin[axis]) - self.factors[axis] * along
+    }
+
+    /// Points in sheared space, `along` as they are there.
+    #[inline(always)]
+    pub(crate) fn shear(&self, [x, y, z]: [S::F64; 3]) -> [S::F64; 3] {
+        let z = self.along(z);
+        [self.across(0, x, z), self.across(1, y, z), z]
     }
 }
 

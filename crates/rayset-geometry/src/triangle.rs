@@ -211,19 +211,11 @@ impl<S: Simd> Sheared<S> {
     #[inline(always)]
     fn of(rays: &ShearedLanes<S>, vertices: [[S::F64; 3]; 3]) -> Self {
         let [a, b, c] = vertices;
-        let vertices = [Self::vertex(rays, a), Self::vertex(rays, b), Self::vertex(rays, c)];
+        let vertices = [rays.shear(a), rays.shear(b), rays.shear(c)];
         let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = vertices;
         let products = [(cx * by, cy * bx), (ax * cy, ay * cx), (bx * ay, by * ax)];
         let [u, v, w] = products;
         Self { vertices, products, edges: [u.0 - u.1, v.0 - v.1, w.0 - w.1] }
-    }
-
-    /// A vertex of each. (A function: of a closure compilers may make a call.)
-    #[inline(always)]
-    fn vertex(rays: &ShearedLanes<S>, [x, y, z]: [S::F64; 3]) -> [S::F64; 3] {
-        let ShearedLanes { origin: [ox, oy, oz], factors: [sx, sy, _], .. } = *rays;
-        let z = z - oz;
-        [(x - ox) - sx * z, (y - oy) - sy * z, z]
     }
 
     /// The lanes in which the ray passes through a side that may be hit: the front, or the back.

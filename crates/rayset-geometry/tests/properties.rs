@@ -10,9 +10,9 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{
-    AxesLanes, BoundingPlane, BoundingSphere, ColumnHit, ColumnRun, Cylinder, Departure, PARTITION_MARGIN,
-    Primitive, PrimitiveColumns, PrimitiveKind, Probe, Ray, RayLanes, Shear, ShearedLanes, Side, Sides, Span,
-    Sphere, Triangle, VolumeSet, compare_products, enclosing_sphere, unit,
+    AxesLanes, AxesOrder, BoundingPlane, BoundingSphere, ColumnHit, ColumnRun, Cylinder, Departure,
+    PARTITION_MARGIN, Primitive, PrimitiveColumns, PrimitiveKind, Probe, Ray, RayLanes, Shear, ShearedLanes,
+    Side, Sides, Span, Sphere, Triangle, VolumeSet, compare_products, enclosing_sphere, unit,
 };
 use rayset_simd::{Backend, Kernel, LaneMask, Lanes, MAX_LANES, Simd};
 use surfaces::{distance_to_surface, is_convex, nearest_on_segment};
@@ -24,15 +24,16 @@ fn config(cases: u32) -> ProptestConfig {
 /// How far a computed hit may lie off its surface, relative to the coordinates: half the partition's margin.
 const SURFACE_MARGIN: f64 = PARTITION_MARGIN / 2.0;
 
-/// The hits of one cone by rays that stand in lanes; some leave it into a side.
-struct HitsOfCone<'a> {
+/// The hits of one cone or polygon by rays that stand in lanes; some leave it into a side.
+struct HitsByRays<'a> {
     columns: &'a PrimitiveColumns,
+    kind: PrimitiveKind,
     rays: &'a [Ray],
     sides: Sides,
     left: &'a dyn Fn(usize) -> Option<Side>,
 }
 
-impl Kernel for HitsOfCone<'_> {
+impl Kernel for HitsByRays<'_> {
     type Output = Vec<Option<f64>>;
 
     #[inline(always)]
@@ -47,15 +48,27 @@ impl Kernel for HitsOfCone<'_> {
                     origins[k][lane] = ray.origin()[k];
                     directions[k][lane] = ray.direction()[k];
                 }
+                // A plane is never met again.
+                let never_again = if self.kind == PrimitiveKind::Polygon { left } else { Some(Side::Front) };
                 front |= u32::from(self.sides.include(Side::Front) && left.is_none()) << lane;
-                back |= u32::from(self.sides.include(Side::Back) && left != Some(Side::Front)) << lane;
+                back |= u32::from(self.sides.include(Side::Back) && (left.is_none() || left != never_again))
+                    << lane;
             }
             let load =
                 |[x, y, z]: &[[f64; MAX_LANES]; 3]| [simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)];
             let rays = RayLanes { origin: load(&origins), direction: load(&directions) };
             let span = [simd.splat_f64(Span::FORWARD.start), simd.splat_f64(Span::FORWARD.end)];
             let sides = (simd.mask_f64(front), simd.mask_f64(back));
-            let (hits, t) = self.columns.cone_by_rays(simd, 0, &rays, span, sides);
+            let (hits, t) = if self.kind == PrimitiveKind::Polygon {
+                let axes = AxesLanes::of(simd, &rays.direction);
+                let order = AxesOrder::of(axes);
+                let rays =
+                    RayLanes { origin: axes.order(rays.origin), direction: axes.order(rays.direction) };
+                let sheared = ShearedLanes::of(simd, rays, span);
+                self.columns.polygon_by_rays(simd, 0, (&sheared, &order), sides)
+            } else {
+                self.columns.cone_by_rays(simd, 0, &rays, span, sides)
+            };
             let is_hit = |lane: usize| hits.bits() >> lane & 1 == 1;
             found.extend((0..S::F64::LANES).map(|lane| is_hit(lane).then(|| t.lane(lane))));
         }
@@ -284,19 +297,29 @@ proptest! {
     }
 
     #[test]
-    fn rays_in_lanes_against_one_cone_have_the_bits_of_each_alone(
-        (cone, aims, sides, departure) in
-            (generators::any_cone(), prop::collection::vec(aim(), MAX_LANES), sides(), departure()),
+    fn rays_in_lanes_against_one_cone_or_polygon_have_the_bits_of_each_alone(
+        primitive in prop_oneof![generators::any_cone(), generators::any_polygon()],
+        (aims, sides, departure) in (prop::collection::vec(aim(), MAX_LANES), sides(), departure()),
+        along in prop::sample::select(vec![None, Some(DVec3::X), Some(DVec3::NEG_Y), Some(DVec3::Z)]),
     ) {
-        let rays = aims.iter().map(|aim| aimed(&cone, aim)).collect::<Result<Vec<_>, _>>()?;
+        let mut rays = aims.iter().map(|aim| aimed(&primitive, aim)).collect::<Result<Vec<_>, _>>()?;
+        if let Some(axis) = along {
+            // Turned so that most share their longest axis, about where they were.
+            for ray in &mut rays {
+                let size = primitive.bounding_sphere().radius;
+                let target = ray.at((primitive.bounding_sphere().center - ray.origin()).dot(ray.direction()));
+                let direction = unit(ray.direction() + 3.0 * axis).unwrap_or(axis);
+                *ray = Ray::new(target - size * direction, direction);
+            }
+        }
         let mut columns = PrimitiveColumns::default();
-        columns.push(&cone, sides);
+        let kind = columns.push(&primitive, sides).kind;
         // Every other one leaves it.
         let left = |lane: usize| departure.filter(|_| lane.is_multiple_of(2));
         for backend in Backend::available() {
-            let found = backend.run(HitsOfCone { columns: &columns, rays: &rays, sides, left: &left });
+            let found = backend.run(HitsByRays { columns: &columns, kind, rays: &rays, sides, left: &left });
             for (lane, (ray, t)) in rays.iter().zip(found).enumerate() {
-                let alone = cone.intersect(ray, Span::FORWARD, sides, left(lane));
+                let alone = primitive.intersect(ray, Span::FORWARD, sides, left(lane));
                 prop_assert_eq!(t.map(f64::to_bits), alone.map(f64::to_bits), "{} {:?}", backend, ray);
             }
         }

@@ -1,6 +1,6 @@
 //! Rays of columns, a lane each, as the exact tests want them.
 
-use rayset_geometry::{AxesLanes, RayLanes, ShearedLanes, Triangle};
+use rayset_geometry::{AxesLanes, AxesOrder, RayLanes, ShearedLanes, Triangle};
 use rayset_simd::{Lanes, Simd};
 
 use crate::columns::RayColumns;
@@ -27,22 +27,12 @@ impl RayColumns<'_> {
     }
 }
 
-/// In which order the coordinates of triangles are wanted.
-pub(super) enum Order<S: Simd> {
-    /// In that of the axes that all rays have.
-    Common([usize; 3]),
-    /// In that of each ray's own.
-    Own(AxesLanes<S>),
-}
-
-impl<S: Simd> Order<S> {
-    /// The vertices of a triangle, in every lane.
-    #[inline(always)]
-    pub(super) fn of_one(&self, simd: S, triangle: &Triangle) -> [[S::F64; 3]; 3] {
-        match self {
-            Self::Common(axes) => triangle.splat(simd, *axes),
-            Self::Own(axes) => axes.order_all(triangle.splat(simd, WORLD)),
-        }
+/// The vertices of a triangle, in every lane, for rays that want their coordinates in some order.
+#[inline(always)]
+pub(super) fn in_order<S: Simd>(simd: S, order: &AxesOrder<S>, triangle: &Triangle) -> [[S::F64; 3]; 3] {
+    match order {
+        AxesOrder::Common(axes) => triangle.splat(simd, *axes),
+        AxesOrder::Own(axes) => axes.order_all(triangle.splat(simd, WORLD)),
     }
 }
 
@@ -52,11 +42,10 @@ const WORLD: [usize; 3] = [0, 1, 2];
 impl RayColumns<'_> {
     /// The same sheared, and the order of their axes: most often all have the same.
     #[inline(always)]
-    pub(super) fn sheared<S: Simd>(&self, simd: S, at: usize) -> (ShearedLanes<S>, Order<S>) {
+    pub(super) fn sheared<S: Simd>(&self, simd: S, at: usize) -> (ShearedLanes<S>, AxesOrder<S>) {
         let LanesOfColumns { rays: RayLanes { origin, direction }, span } = self.lanes(simd, at);
         let axes = AxesLanes::of(simd, &direction);
         let rays = RayLanes { origin: axes.order(origin), direction: axes.order(direction) };
-        let order = axes.common().map_or(Order::Own(axes), Order::Common);
-        (ShearedLanes::of(simd, rays, span), order)
+        (ShearedLanes::of(simd, rays, span), AxesOrder::of(axes))
     }
 }

@@ -1,10 +1,12 @@
 //! Hits that single precision is sure of, where they are exactly: a ray and its primitive a lane.
 
-use rayset_geometry::{AxesLanes, PrimitiveKind, RayLanes, ShearedLanes, Side, Sides, Sphere, Triangle};
+use rayset_geometry::{
+    AxesLanes, AxesOrder, PrimitiveKind, RayLanes, ShearedLanes, Side, Sides, Sphere, Triangle,
+};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Part, Simd};
 
-use super::lanes::LanesOfColumns;
-use super::{Departing, Exact, Sure};
+use super::lanes::{LanesOfColumns, in_order};
+use super::{Departing, Exact, Sure, least_together};
 use crate::columns::{HitOrNone, Left, RayColumns};
 use crate::packet::Packet;
 use crate::shapes::Shapes;
@@ -51,7 +53,7 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
                 if one.kind == PrimitiveKind::Triangle
                     && let Some((_, order)) = &sheared
                 {
-                    let triangle = order.of_one(simd, shapes.triangle(one.index));
+                    let triangle = in_order(simd, order, shapes.triangle(one.index));
                     if triangles.lanes == 0 {
                         vertices = triangle;
                     } else {
@@ -75,6 +77,11 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
                     let (leaving, outwards) = packet.leaving(simd, number);
                     simd.splat_f32(f32::from_bits(number)).put(simd.mask_f32(alike), &mut numbers);
                     spheres.add_all(alike >> lane, &one, [leaving >> lane, outwards >> lane]);
+                } else if one.kind == PrimitiveKind::Polygon
+                    && let Some((rays, order)) = &sheared
+                    && alike.count_ones() >= least_together(one.kind)
+                {
+                    shapes.write_polygon(simd, (rays, order), &one, alike >> lane, &mut found[lane..]);
                 } else {
                     others |= alike;
                     let mut alike = alike;
@@ -106,6 +113,24 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
             let departing = Departing { rays: **rays, first, left: rays.left_by(first..first + packet.len) };
             shapes.resolve_all(simd, &departing, &sure, others, found);
         }
+    }
+}
+
+/// A polygon, and rays that surely hit it.
+struct PolygonByRays<'a, S: Simd, const W: usize> {
+    shapes: &'a Shapes<W>,
+    index: u32,
+    sheared: (&'a ShearedLanes<S>, &'a AxesOrder<S>),
+    sides: (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
+}
+
+impl<S: Simd, const W: usize> Part<S> for PolygonByRays<'_, S, W> {
+    type Output = (<S::F64 as Lanes>::Mask, S::F64);
+
+    #[inline(always)]
+    fn run(self, simd: S) -> Self::Output {
+        let Self { shapes, index, sheared, sides } = self;
+        shapes.columns.polygon_by_rays(simd, index, sheared, sides)
     }
 }
 
@@ -218,6 +243,12 @@ impl<const W: usize> Shapes<W> {
                     answered |=
                         self.resolve_triangles(simd, place, &sure[lane..], wanted, &mut found[lane..]);
                 }
+                if self.columns.len(PrimitiveKind::Polygon) > 0 && wanted & !answered != 0 {
+                    let sheared = rays.sheared(simd, at);
+                    let wanted = wanted & !answered;
+                    answered |=
+                        self.resolve_polygons(simd, &sheared, &sure[lane..], wanted, &mut found[lane..]);
+                }
                 lanes &= !(answered << lane);
             }
             lane += pairs;
@@ -283,6 +314,51 @@ impl<const W: usize> Shapes<W> {
         let vertices = axes.order_all(Triangle::collect(simd, &indices.map(|index| self.triangle(index))));
         wanted.write_sure(simd, &rays, vertices, found);
         wanted.lanes
+    }
+
+    /// The same of polygons, each with all the rays that hit it, if they are enough.
+    #[inline(always)]
+    fn resolve_polygons<S: Simd>(
+        &self,
+        simd: S,
+        (rays, order): &(ShearedLanes<S>, AxesOrder<S>),
+        sure: &[Sure],
+        mut lanes: u32,
+        found: &mut [HitOrNone],
+    ) -> u32 {
+        let mut answered = 0;
+        while lanes != 0 {
+            let one = sure[lanes.trailing_zeros() as usize];
+            let mut alike = 0;
+            for (lane, other) in sure.iter().enumerate().take(S::F64::LANES) {
+                alike |= u32::from(*other == one) << lane;
+            }
+            alike &= lanes;
+            lanes &= !alike;
+            if one.kind == PrimitiveKind::Polygon && alike.count_ones() >= least_together(one.kind) {
+                self.write_polygon(simd, (rays, order), &one, alike, found);
+                answered |= alike;
+            }
+        }
+        answered
+    }
+
+    /// Writes the hits of rays, some lanes that surely hit the same polygon.
+    #[inline(always)]
+    fn write_polygon<S: Simd>(
+        &self,
+        simd: S,
+        sheared: (&ShearedLanes<S>, &AxesOrder<S>),
+        sure: &Sure,
+        lanes: u32,
+        found: &mut [HitOrNone],
+    ) {
+        let mut wanted = Wanted::<W>::NONE;
+        wanted.primitives = [self.number(sure.kind, sure.index); W];
+        wanted.add_all(lanes, sure, [0; 2]);
+        let (index, sides) = (sure.index, wanted.sides(simd));
+        let hits = simd.outline(PolygonByRays { shapes: self, index, sheared, sides });
+        wanted.write(hits, found);
     }
 
     /// Adds those of some lanes whose hit is of a kind, and of every lane the index of what it hits: of the others, of

@@ -120,6 +120,11 @@ pub(crate) fn any_cone() -> impl Strategy<Value = Primitive> {
     (scale(), vector()).prop_flat_map(|(scale, center)| cone(scale * center, scale))
 }
 
+/// A polygon, anywhere, at any scale.
+pub(crate) fn any_polygon() -> impl Strategy<Value = Primitive> {
+    (scale(), vector()).prop_flat_map(|(scale, center)| polygon(scale * center, scale))
+}
+
 /// How a ray is aimed at a primitive.
 #[derive(Clone, Debug)]
 pub(crate) struct Aim {
