@@ -10,6 +10,7 @@
 use rayset_geometry::PrimitiveKind;
 use rayset_simd::{LaneMask, Part, Simd};
 
+use crate::axes::AxisRays;
 use crate::columns::Left;
 use crate::exact::NONE;
 use crate::interval::Chords;
@@ -175,8 +176,12 @@ impl<S: Simd, const W: usize> Part<S> for Blocked<'_, W> {
                 let sheared = Sheared::of(vertices);
                 sheared.intervals(simd, lanes.rounding, &lanes.shears, &lanes.span, front, back)
             }
+            PrimitiveKind::Cone => {
+                let rays = AxisRays::new([lanes.origin, lanes.direction], lanes.span, lanes.unit);
+                shapes.axis_block(run).intervals_of_rays(simd, place as usize, &rays, (front, back))
+            }
             // No interval without a shaft.
-            PrimitiveKind::Polygon | PrimitiveKind::Cone => return 0,
+            PrimitiveKind::Polygon => return 0,
         };
         (at.possible & at.sure).bits()
     }

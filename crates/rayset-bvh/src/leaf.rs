@@ -264,10 +264,11 @@ impl<S: Simd, const W: usize> Others<'_, S, W> {
         let high = simd.splat_f32(f32::INFINITY);
         if possible.any() {
             if run.kind == PrimitiveKind::Cone {
-                let (ways, spans) = ([packet.origin, packet.direction], [packet.start, packet.ends]);
-                let rays = AxisRays::new(ways, spans, shaft.unit);
-                let met = shapes.axis_block(run).rays_that_meet(simd, place, &rays);
-                possible = possible & met;
+                let rays = AxisRays::new([packet.origin, packet.direction], packet.span(), shaft.unit);
+                let sides = hittable.by(simd, place, packet);
+                let found = shapes.axis_block(run).intervals_of_rays(simd, place, &rays, sides);
+                let (possible, low) = (possible & found.possible, low.max(found.low));
+                return Intervals { possible, sure: possible & found.sure, low, high: found.high };
             } else if let Some(fans) = shapes.fan_block(run) {
                 let (sides, span) = (hittable.by(simd, place, packet), packet.span());
                 let Intervals { possible: met, sure, low: nearest, high } =

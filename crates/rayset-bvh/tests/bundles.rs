@@ -203,6 +203,52 @@ fn spans_that_end_where_a_polygon_is_are_kept() {
     check(&primitives, &left);
 }
 
+/// A star of many corners, a tube and a cone behind it, left by some of the rays that meet them: from outside, and from
+/// within.
+#[test]
+fn rays_leave_long_polygons_and_cones_together() {
+    let star = |turned: bool| {
+        // Ten corners along each side of a square, every other one farther in.
+        let corner = |i: i32| {
+            let i = if turned { 39 - i } else { i };
+            let (along, size) = (f64::from(i % 10) / 5.0 - 1.0, if i % 2 == 0 { 1.0 } else { 0.6 });
+            let (x, y) = [(along, -1.0), (1.0, along), (-along, 1.0), (-1.0, -along)][(i / 10) as usize];
+            dvec3(size * x, size * y, 2.0)
+        };
+        Primitive::from(Polygon::new((0..40).map(corner).collect()).expect("it is flat"))
+    };
+    let cone = |base, radius, apex, apex_radius| {
+        Primitive::from(Cone::new(base, radius, apex, apex_radius).expect("it is one"))
+    };
+    let shapes = [
+        star(false),
+        star(true),
+        cone(dvec3(-3.0, 0.2, 5.0), 0.7, dvec3(3.0, -0.1, 5.5), 0.7),
+        cone(dvec3(0.1, -3.0, 7.0), 0.9, dvec3(-0.2, 3.0, 7.5), 0.4),
+    ];
+    for (n, eye) in [dvec3(0.0, 0.0, -1.0), dvec3(0.0, 0.0, 5.2)].into_iter().enumerate() {
+        for shape in 0..4_u32 {
+            let others = [shapes[2].clone(), shapes[3].clone()];
+            let mut primitives = vec![(shapes[shape as usize].clone(), Sides::Both)];
+            primitives.extend(others.map(|other| (other, [Sides::Both, Sides::Back][n])));
+            let mut list = List::default();
+            for i in 0..1024_u32 {
+                let (x, y) = (f64::from(i % 32) / 80.0 - 0.19, f64::from(i / 32) / 80.0 - 0.19);
+                let ray = Ray::new(eye, unit(dvec3(x, y, 1.0)).expect("it has a length"));
+                let left = match i % 5 {
+                    0 => Some((0, Side::Front)),
+                    1 => Some((0, Side::Back)),
+                    2 => Some((1 + i % 2, Side::Back)),
+                    _ => None,
+                };
+                list.push(&ray, Span::FORWARD, left);
+            }
+            let together = check(&primitives, &list);
+            assert!(together > 0, "some are answered under shafts");
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
     #[test]

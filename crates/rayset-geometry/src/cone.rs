@@ -137,7 +137,9 @@ impl Cone {
         let [bx, by, bz, ax, ay, az, height, base_radius, slope, _, widest] = *parameters;
         let radius = base_radius.max(base_radius + slope * height);
         let reach = widest + (widest - radius);
-        ConeAxis { base: DVec3::new(bx, by, bz), direction: DVec3::new(ax, ay, az), height, reach }
+        let (base, direction) = (DVec3::new(bx, by, bz), DVec3::new(ax, ay, az));
+        let least_radius = base_radius.min(base_radius + slope * height).max(0.0);
+        ConeAxis { base, direction, height, reach, least_radius, slope }
     }
 
     /// How far from the truncated solid cone a computed hit may lie, apart from the rounding of coordinates; in world
@@ -168,6 +170,10 @@ pub struct ConeAxis {
     pub height: f64,
     /// How far from the axis any hit lies at most, up to the rounding of coordinates.
     pub reach: f64,
+    /// The radius of the smaller circle, up to its rounding.
+    pub least_radius: f64,
+    /// How fast the radius grows along the axis.
+    pub slope: f64,
 }
 
 /// How many numbers describe a cone to [`intersect`].

@@ -28,7 +28,7 @@ const SURFACE_MARGIN: f64 = PARTITION_MARGIN / 2.0;
 struct HitsByRays<'a> {
     columns: &'a PrimitiveColumns,
     kind: PrimitiveKind,
-    rays: &'a [Ray],
+    rays: &'a [(Ray, Span)],
     sides: Sides,
     left: &'a dyn Fn(usize) -> Option<Side>,
 }
@@ -41,9 +41,11 @@ impl Kernel for HitsByRays<'_> {
         let mut found = Vec::new();
         for first in (0..MAX_LANES).step_by(S::F64::LANES) {
             let (mut origins, mut directions) = ([[0.0; MAX_LANES]; 3], [[0.0; MAX_LANES]; 3]);
+            let (mut starts, mut ends) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
             let (mut front, mut back) = (0, 0);
             for lane in 0..S::F64::LANES {
-                let (ray, left) = (&self.rays[first + lane], (self.left)(first + lane));
+                let ((ray, span), left) = (&self.rays[first + lane], (self.left)(first + lane));
+                (starts[lane], ends[lane]) = (span.start, span.end);
                 for k in 0..3 {
                     origins[k][lane] = ray.origin()[k];
                     directions[k][lane] = ray.direction()[k];
@@ -57,7 +59,7 @@ impl Kernel for HitsByRays<'_> {
             let load =
                 |[x, y, z]: &[[f64; MAX_LANES]; 3]| [simd.load_f64(x), simd.load_f64(y), simd.load_f64(z)];
             let rays = RayLanes { origin: load(&origins), direction: load(&directions) };
-            let span = [simd.splat_f64(Span::FORWARD.start), simd.splat_f64(Span::FORWARD.end)];
+            let span = [simd.load_f64(&starts), simd.load_f64(&ends)];
             let sides = (simd.mask_f64(front), simd.mask_f64(back));
             let (hits, t) = if self.kind == PrimitiveKind::Polygon {
                 let axes = AxesLanes::of(simd, &rays.direction);
@@ -312,14 +314,25 @@ proptest! {
                 *ray = Ray::new(target - size * direction, direction);
             }
         }
+        // Spans that end, or start, exactly where the ray hits, if it does.
+        let rays: Vec<_> = rays.into_iter().enumerate().map(|(lane, ray)| {
+            let t = primitive.intersect(&ray, Span::FORWARD, Sides::Both, None).unwrap_or(1.0);
+            let span = match lane / 2 % 4 {
+                0 => Span { end: t, ..Span::FORWARD },
+                1 => Span { start: t, ..Span::FORWARD },
+                2 => Span { start: 0.5 * t, end: 2.0 * t },
+                _ => Span::FORWARD,
+            };
+            (ray, span)
+        }).collect();
         let mut columns = PrimitiveColumns::default();
         let kind = columns.push(&primitive, sides).kind;
         // Every other one leaves it.
         let left = |lane: usize| departure.filter(|_| lane.is_multiple_of(2));
         for backend in Backend::available() {
             let found = backend.run(HitsByRays { columns: &columns, kind, rays: &rays, sides, left: &left });
-            for (lane, (ray, t)) in rays.iter().zip(found).enumerate() {
-                let alone = primitive.intersect(ray, Span::FORWARD, sides, left(lane));
+            for (lane, ((ray, span), t)) in rays.iter().zip(found).enumerate() {
+                let alone = primitive.intersect(ray, *span, sides, left(lane));
                 prop_assert_eq!(t.map(f64::to_bits), alone.map(f64::to_bits), "{} {:?}", backend, ray);
             }
         }

@@ -1,8 +1,6 @@
 //! Hits that single precision is sure of, where they are exactly: a ray and its primitive a lane.
 
-use rayset_geometry::{
-    AxesLanes, AxesOrder, PrimitiveKind, RayLanes, ShearedLanes, Side, Sides, Sphere, Triangle,
-};
+use rayset_geometry::{AxesLanes, PrimitiveKind, RayLanes, ShearedLanes, Side, Sides, Sphere, Triangle};
 use rayset_simd::{CullLanes, LaneMask, Lanes, Part, Simd};
 
 use super::lanes::{LanesOfColumns, in_order};
@@ -77,11 +75,15 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
                     let (leaving, outwards) = packet.leaving(simd, number);
                     simd.splat_f32(f32::from_bits(number)).put(simd.mask_f32(alike), &mut numbers);
                     spheres.add_all(alike >> lane, &one, [leaving >> lane, outwards >> lane]);
-                } else if one.kind == PrimitiveKind::Polygon
-                    && let Some((rays, order)) = &sheared
+                } else if is_whole
+                    && matches!(one.kind, PrimitiveKind::Polygon | PrimitiveKind::Cone)
                     && alike.count_ones() >= least_together(one.kind)
                 {
-                    shapes.write_polygon(simd, (rays, order), &one, alike >> lane, &mut found[lane..]);
+                    let (leaving, outwards) = packet.leaving(simd, shapes.number(one.kind, one.index));
+                    let mut wanted = Wanted::NONE;
+                    wanted.add_all(alike >> lane, &one, [leaving >> lane, outwards >> lane]);
+                    let place = (*rays, first + lane);
+                    shapes.write_alike(simd, place, &one, wanted, &mut found[lane..]);
                 } else {
                     others |= alike;
                     let mut alike = alike;
@@ -116,21 +118,28 @@ impl<S: Simd, const W: usize> Part<S> for ExactSure<'_, S, W> {
     }
 }
 
-/// A polygon, and rays that surely hit it.
-struct PolygonByRays<'a, S: Simd, const W: usize> {
+/// A polygon or a cone, and rays that surely hit it.
+struct AlikeByRays<'a, S: Simd, const W: usize> {
     shapes: &'a Shapes<W>,
-    index: u32,
-    sheared: (&'a ShearedLanes<S>, &'a AxesOrder<S>),
+    one: &'a Sure,
+    rays: &'a RayColumns<'a>,
+    /// The number of the first.
+    at: usize,
     sides: (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
 }
 
-impl<S: Simd, const W: usize> Part<S> for PolygonByRays<'_, S, W> {
+impl<S: Simd, const W: usize> Part<S> for AlikeByRays<'_, S, W> {
     type Output = (<S::F64 as Lanes>::Mask, S::F64);
 
     #[inline(always)]
     fn run(self, simd: S) -> Self::Output {
-        let Self { shapes, index, sheared, sides } = self;
-        shapes.columns.polygon_by_rays(simd, index, sheared, sides)
+        let Self { shapes, one, rays, at, sides } = self;
+        if one.kind == PrimitiveKind::Cone {
+            let LanesOfColumns { rays, span } = rays.lanes(simd, at);
+            return shapes.columns.cone_by_rays(simd, one.index, &rays, span, sides);
+        }
+        let (rays, order) = rays.sheared(simd, at);
+        shapes.columns.polygon_by_rays(simd, one.index, (&rays, &order), sides)
     }
 }
 
@@ -243,11 +252,9 @@ impl<const W: usize> Shapes<W> {
                     answered |=
                         self.resolve_triangles(simd, place, &sure[lane..], wanted, &mut found[lane..]);
                 }
-                if self.columns.len(PrimitiveKind::Polygon) > 0 && wanted & !answered != 0 {
-                    let sheared = rays.sheared(simd, at);
+                if wanted & !answered != 0 {
                     let wanted = wanted & !answered;
-                    answered |=
-                        self.resolve_polygons(simd, &sheared, &sure[lane..], wanted, &mut found[lane..]);
+                    answered |= self.resolve_alike(simd, place, &sure[lane..], wanted, &mut found[lane..]);
                 }
                 lanes &= !(answered << lane);
             }
@@ -316,48 +323,50 @@ impl<const W: usize> Shapes<W> {
         wanted.lanes
     }
 
-    /// The same of polygons, each with all the rays that hit it, if they are enough.
+    /// The same of polygons and cones, each with all the rays that hit it, if they are enough.
     #[inline(always)]
-    fn resolve_polygons<S: Simd>(
+    fn resolve_alike<S: Simd>(
         &self,
         simd: S,
-        (rays, order): &(ShearedLanes<S>, AxesOrder<S>),
+        (rays, at, left): (&RayColumns<'_>, usize, &[Left]),
         sure: &[Sure],
         mut lanes: u32,
         found: &mut [HitOrNone],
     ) -> u32 {
         let mut answered = 0;
         while lanes != 0 {
-            let one = sure[lanes.trailing_zeros() as usize];
-            let mut alike = 0;
-            for (lane, other) in sure.iter().enumerate().take(S::F64::LANES) {
-                alike |= u32::from(*other == one) << lane;
+            let one = &sure[lanes.trailing_zeros() as usize];
+            let number = self.number(one.kind, one.index);
+            let (mut wanted, mut rest) = (Wanted::<W>::NONE, lanes);
+            while rest != 0 {
+                let lane = rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                if sure[lane] == *one {
+                    wanted.add(lane, one, number, left);
+                }
             }
-            alike &= lanes;
-            lanes &= !alike;
-            if one.kind == PrimitiveKind::Polygon && alike.count_ones() >= least_together(one.kind) {
-                self.write_polygon(simd, (rays, order), &one, alike, found);
-                answered |= alike;
+            lanes &= !wanted.lanes;
+            if wanted.lanes.count_ones() >= least_together(one.kind) {
+                answered |= wanted.lanes;
+                self.write_alike(simd, (rays, at), one, wanted, found);
             }
         }
         answered
     }
 
-    /// Writes the hits of rays, some lanes that surely hit the same polygon.
+    /// Writes the hits of rays, some lanes that surely hit the same polygon or cone.
     #[inline(always)]
-    fn write_polygon<S: Simd>(
+    fn write_alike<S: Simd>(
         &self,
         simd: S,
-        sheared: (&ShearedLanes<S>, &AxesOrder<S>),
-        sure: &Sure,
-        lanes: u32,
+        (rays, at): (&RayColumns<'_>, usize),
+        one: &Sure,
+        mut wanted: Wanted<W>,
         found: &mut [HitOrNone],
     ) {
-        let mut wanted = Wanted::<W>::NONE;
-        wanted.primitives = [self.number(sure.kind, sure.index); W];
-        wanted.add_all(lanes, sure, [0; 2]);
-        let (index, sides) = (sure.index, wanted.sides(simd));
-        let hits = simd.outline(PolygonByRays { shapes: self, index, sheared, sides });
+        wanted.primitives = [self.number(one.kind, one.index); W];
+        let sides = wanted.sides(simd);
+        let hits = simd.outline(AlikeByRays { shapes: self, one, rays, at, sides });
         wanted.write(hits, found);
     }
 

@@ -120,7 +120,7 @@ impl<const W: usize> Shapes<W> {
         (front, back)
     }
 
-    /// The exact distance to a sphere or triangle.
+    /// The exact distance to a sphere, a triangle or a cone.
     #[inline(always)]
     fn exact<C: Content>(
         &self,
@@ -133,6 +133,10 @@ impl<const W: usize> Shapes<W> {
             Some(departure) if departure.kind == kind && departure.index == index => Some(departure.side),
             _ => None,
         };
+        if C::OTHERS && kind == PrimitiveKind::Cone {
+            let one = ColumnRun { kind, sides, range: index..index + 1 };
+            return self.columns.nearest(&ray.probe(Scalar, false), &one, ray.departure).map(|hit| hit.t);
+        }
         let is_sphere = !C::TRIANGLES || (C::SPHERES && kind == PrimitiveKind::Sphere);
         if is_sphere {
             let (ray, span) = ray.ray.read();
@@ -199,15 +203,10 @@ impl<const W: usize> Shapes<W> {
                 PrimitiveKind::Polygon if run.block != NO_BLOCK => {
                     self.nearest_in_fans::<S, C>(simd, run, ray, nearest, end);
                 }
-                PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(part) = self.part(simd, run, ray, *end)
-                        && let Some(hit) =
-                            self.columns.nearest(&ray.probe(simd, self.is_flat), &part, ray.departure)
-                    {
-                        let primitive = self.numbers[run.kind as usize][hit.index as usize];
-                        self.offer::<C>(ray, nearest, end, Hit { t: hit.t, primitive });
-                    }
+                PrimitiveKind::Polygon => {
+                    self.nearest_in_columns::<S, C>(simd, &run.columns(), ray, nearest, end);
                 }
+                PrimitiveKind::Cone => self.nearest_in_axes::<S, C>(simd, run, ray, nearest, end),
             }
             if !run.goes_on {
                 return;
@@ -290,13 +289,10 @@ impl<const W: usize> Shapes<W> {
                     self.any_in_block::<S, C>(simd, i, ray, end, blocker)
                 }
                 PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(simd, run, ray, end),
-                PrimitiveKind::Polygon | PrimitiveKind::Cone => {
-                    if let Some(part) = self.part(simd, run, ray, end) {
-                        self.columns.any(&ray.probe(simd, self.is_flat), &part, ray.departure).is_some()
-                    } else {
-                        false
-                    }
+                PrimitiveKind::Polygon => {
+                    self.columns.any(&ray.probe(simd, true), &run.columns(), ray.departure).is_some()
                 }
+                PrimitiveKind::Cone => self.any_in_axes(simd, i, ray, end, blocker),
             };
             if is_hit || !run.goes_on {
                 return is_hit;
@@ -332,21 +328,91 @@ impl<const W: usize> Shapes<W> {
         false
     }
 
-    /// What of a run of cones, or of polygons without a block, the `f64` test must look at.
+    /// Keeps the nearest of a hit and those in a run of the columns, by their `f64` tests.
     #[inline(always)]
-    fn part<S: Simd>(&self, simd: S, run: &Run, ray: &Traced<'_, W>, end: f32) -> Option<ColumnRun> {
-        if run.block == NO_BLOCK {
-            return Some(run.columns());
+    fn nearest_in_columns<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        run: &ColumnRun,
+        ray: &Traced<'_, W>,
+        nearest: &mut Nearest,
+        end: &mut f32,
+    ) {
+        let is_flat = run.kind == PrimitiveKind::Polygon;
+        if let Some(hit) = self.columns.nearest(&ray.probe(simd, is_flat), run, ray.departure) {
+            let primitive = self.numbers[run.kind as usize][hit.index as usize];
+            self.offer::<C>(ray, nearest, end, Hit { t: hit.t, primitive });
         }
-        let (front, back) = Self::allowed(run, ray.departure);
+    }
+
+    #[inline(always)]
+    fn nearest_in_axes<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        run: &Run,
+        ray: &Traced<'_, W>,
+        nearest: &mut Nearest,
+        end: &mut f32,
+    ) {
         let block = &self.axis_blocks[run.block as usize];
-        let candidates = block.candidates(simd, ray.cull, end) & (front | back);
-        if candidates == 0 {
-            return None;
+        let found = block.intervals(simd, ray.cull, *end, Self::allowed(run, ray.departure));
+        if !found.possible.any() {
+            return;
         }
-        let (first, last) = (candidates.trailing_zeros(), u32::BITS - 1 - candidates.leading_zeros());
-        let range = run.first + first..run.first + last + 1;
-        Some(ColumnRun { kind: run.kind, sides: run.sides, range })
+        let (mut lows, mut highs) = ([0.0; W], [0.0; W]);
+        found.low.store(&mut lows);
+        found.high.store(&mut highs);
+        let (mut sure, mut unsure) = (found.sure.bits(), found.possible.bits() & !found.sure.bits());
+        while sure != 0 {
+            let lane = sure.trailing_zeros();
+            sure &= sure - 1;
+            let (low, high) = (lows[lane as usize], highs[lane as usize]);
+            if low > *end {
+                continue;
+            }
+            if high < nearest.low {
+                let sure = Sure { kind: run.kind, index: run.first + lane, sides: run.sides };
+                *nearest = Nearest { low, found: Found::Sure(sure) };
+                *end = high;
+            } else {
+                unsure |= 1 << lane;
+            }
+        }
+        unsure &= found.low.le(simd.splat_f32(*end)).bits();
+        if unsure != 0 {
+            self.nearest_in_columns::<S, C>(simd, &Self::part(run, unsure), ray, nearest, end);
+        }
+    }
+
+    #[inline(always)]
+    fn any_in_axes<S: Simd>(
+        &self,
+        simd: S,
+        i: usize,
+        ray: &Traced<'_, W>,
+        end: f32,
+        blocker: &mut Option<u32>,
+    ) -> bool {
+        let run = &self.runs[i];
+        let block = &self.axis_blocks[run.block as usize];
+        let found = block.intervals(simd, ray.cull, end, Self::allowed(run, ray.departure));
+        if found.sure.any() {
+            *blocker = Some(record_of(i, found.sure.bits().trailing_zeros()));
+            return true;
+        }
+        let candidates = found.possible.bits();
+        candidates != 0
+            && self
+                .columns
+                .any(&ray.probe(simd, false), &Self::part(run, candidates), ray.departure)
+                .is_some()
+    }
+
+    /// The part of a run in which some lanes lie.
+    #[inline(always)]
+    fn part(run: &Run, lanes: u32) -> ColumnRun {
+        let (first, last) = (lanes.trailing_zeros(), u32::BITS - 1 - lanes.leading_zeros());
+        ColumnRun { kind: run.kind, sides: run.sides, range: run.first + first..run.first + last + 1 }
     }
 
     #[inline(always)]
