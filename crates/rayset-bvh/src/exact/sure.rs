@@ -143,6 +143,44 @@ impl<S: Simd, const W: usize> Part<S> for AlikeByRays<'_, S, W> {
     }
 }
 
+/// Rays from one on, what each leaves, and the polygons and cones that some lanes surely hit.
+struct ResolveAlike<'a, 'r, const W: usize> {
+    shapes: &'a Shapes<W>,
+    place: (&'a RayColumns<'r>, usize, &'a [Left]),
+    sure: &'a [Sure],
+    lanes: u32,
+    found: &'a mut [HitOrNone],
+}
+
+impl<S: Simd, const W: usize> Part<S> for ResolveAlike<'_, '_, W> {
+    type Output = u32;
+
+    /// Writes the exact hits of what is hit by enough of them to go together; gives these lanes.
+    #[inline(always)]
+    fn run(self, simd: S) -> u32 {
+        let Self { shapes, place: (rays, at, left), sure, mut lanes, found } = self;
+        let mut answered = 0;
+        while lanes != 0 {
+            let one = &sure[lanes.trailing_zeros() as usize];
+            let number = shapes.number(one.kind, one.index);
+            let (mut wanted, mut rest) = (Wanted::<W>::NONE, lanes);
+            while rest != 0 {
+                let lane = rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                if sure[lane] == *one {
+                    wanted.add(lane, one, number, left);
+                }
+            }
+            lanes &= !wanted.lanes;
+            if wanted.lanes.count_ones() >= least_together(one.kind) {
+                answered |= wanted.lanes;
+                shapes.write_alike(simd, (rays, at), one, wanted, found);
+            }
+        }
+        answered
+    }
+}
+
 /// The lanes of pairs that are tested, and those whose front and back may be hit.
 #[derive(Clone, Copy, Debug)]
 struct Wanted<const W: usize> {
@@ -252,9 +290,10 @@ impl<const W: usize> Shapes<W> {
                     answered |=
                         self.resolve_triangles(simd, place, &sure[lane..], wanted, &mut found[lane..]);
                 }
-                if wanted & !answered != 0 {
-                    let wanted = wanted & !answered;
-                    answered |= self.resolve_alike(simd, place, &sure[lane..], wanted, &mut found[lane..]);
+                let rest = wanted & !answered;
+                if rest != 0 {
+                    let (sure, found) = (&sure[lane..], &mut found[lane..]);
+                    answered |= simd.outline(ResolveAlike { shapes: self, place, sure, lanes: rest, found });
                 }
                 lanes &= !(answered << lane);
             }
@@ -321,37 +360,6 @@ impl<const W: usize> Shapes<W> {
         let vertices = axes.order_all(Triangle::collect(simd, &indices.map(|index| self.triangle(index))));
         wanted.write_sure(simd, &rays, vertices, found);
         wanted.lanes
-    }
-
-    /// The same of polygons and cones, each with all the rays that hit it, if they are enough.
-    #[inline(always)]
-    fn resolve_alike<S: Simd>(
-        &self,
-        simd: S,
-        (rays, at, left): (&RayColumns<'_>, usize, &[Left]),
-        sure: &[Sure],
-        mut lanes: u32,
-        found: &mut [HitOrNone],
-    ) -> u32 {
-        let mut answered = 0;
-        while lanes != 0 {
-            let one = &sure[lanes.trailing_zeros() as usize];
-            let number = self.number(one.kind, one.index);
-            let (mut wanted, mut rest) = (Wanted::<W>::NONE, lanes);
-            while rest != 0 {
-                let lane = rest.trailing_zeros() as usize;
-                rest &= rest - 1;
-                if sure[lane] == *one {
-                    wanted.add(lane, one, number, left);
-                }
-            }
-            lanes &= !wanted.lanes;
-            if wanted.lanes.count_ones() >= least_together(one.kind) {
-                answered |= wanted.lanes;
-                self.write_alike(simd, (rays, at), one, wanted, found);
-            }
-        }
-        answered
     }
 
     /// Writes the hits of rays, some lanes that surely hit the same polygon or cone.

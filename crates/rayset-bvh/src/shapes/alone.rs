@@ -134,8 +134,7 @@ impl<const W: usize> Shapes<W> {
             _ => None,
         };
         if C::OTHERS && kind == PrimitiveKind::Cone {
-            let one = ColumnRun { kind, sides, range: index..index + 1 };
-            return self.columns.nearest(&ray.probe(Scalar, false), &one, ray.departure).map(|hit| hit.t);
+            return self.exact_cone(ray, index, sides);
         }
         let is_sphere = !C::TRIANGLES || (C::SPHERES && kind == PrimitiveKind::Sphere);
         if is_sphere {
@@ -144,6 +143,13 @@ impl<const W: usize> Shapes<W> {
         } else {
             self.triangles[index as usize].intersect(&ray.probe(Scalar, true), sides, departure)
         }
+    }
+
+    /// A function of its own: loops that seldom come here keep their registers.
+    #[inline(never)]
+    fn exact_cone(&self, ray: &Traced<'_, W>, index: u32, sides: Sides) -> Option<f64> {
+        let one = ColumnRun { kind: PrimitiveKind::Cone, sides, range: index..index + 1 };
+        self.columns.nearest(&ray.probe(Scalar, false), &one, ray.departure).map(|hit| hit.t)
     }
 
     #[inline(always)]
@@ -289,9 +295,7 @@ impl<const W: usize> Shapes<W> {
                     self.any_in_block::<S, C>(simd, i, ray, end, blocker)
                 }
                 PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(simd, run, ray, end),
-                PrimitiveKind::Polygon => {
-                    self.columns.any(&ray.probe(simd, true), &run.columns(), ray.departure).is_some()
-                }
+                PrimitiveKind::Polygon => self.any_in_columns(simd, &run.columns(), ray),
                 PrimitiveKind::Cone => self.any_in_axes(simd, i, ray, end, blocker),
             };
             if is_hit || !run.goes_on {
@@ -343,6 +347,13 @@ impl<const W: usize> Shapes<W> {
             let primitive = self.numbers[run.kind as usize][hit.index as usize];
             self.offer::<C>(ray, nearest, end, Hit { t: hit.t, primitive });
         }
+    }
+
+    /// Whether anything in a run of the columns is hit, by its `f64` tests.
+    #[inline(always)]
+    fn any_in_columns<S: Simd>(&self, simd: S, run: &ColumnRun, ray: &Traced<'_, W>) -> bool {
+        let is_flat = run.kind == PrimitiveKind::Polygon;
+        self.columns.any(&ray.probe(simd, is_flat), run, ray.departure).is_some()
     }
 
     #[inline(always)]
@@ -433,11 +444,7 @@ impl<const W: usize> Shapes<W> {
             if polygon.low > *end || polygon.high < ray.cull.start() {
                 continue;
             }
-            let one = run.column(polygon.place);
-            if let Some(hit) = self.columns.nearest(&ray.probe(simd, true), &one, ray.departure) {
-                let primitive = self.numbers[run.kind as usize][hit.index as usize];
-                self.offer::<C>(ray, nearest, end, Hit { t: hit.t, primitive });
-            }
+            self.nearest_in_columns::<S, C>(simd, &run.column(polygon.place), ray, nearest, end);
         }
     }
 
@@ -460,7 +467,7 @@ impl<const W: usize> Shapes<W> {
             if is_met && polygon.low > ray.cull.start_above() && polygon.high < ray.cull.end_below() {
                 return true;
             }
-            if self.columns.any(&ray.probe(simd, true), &one, ray.departure).is_some() {
+            if self.any_in_columns(simd, &one, ray) {
                 return true;
             }
         }
