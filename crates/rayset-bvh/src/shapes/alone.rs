@@ -412,11 +412,7 @@ impl<const W: usize> Shapes<W> {
             return true;
         }
         let candidates = found.possible.bits();
-        candidates != 0
-            && self
-                .columns
-                .any(&ray.probe(simd, false), &Self::part(run, candidates), ray.departure)
-                .is_some()
+        candidates != 0 && self.any_in_columns(simd, &Self::part(run, candidates), ray)
     }
 
     /// The part of a run in which some lanes lie.
