@@ -1,5 +1,7 @@
 //! Primitives stored as columns per kind, and the loops that test runs of them.
 
+mod polygons;
+
 use std::ops::Range;
 
 use glam::DVec3;
@@ -9,8 +11,10 @@ use crate::departure::Allowed;
 use crate::probe::map3;
 use crate::{
     AxesOrder, BoundingBox, Cone, ConeAxis, Departure, Polygon, Primitive, PrimitiveKind, Probe, RayLanes,
-    ShearedLanes, Side, Sides, Sphere, Triangle, cone, polygon, sphere, triangle,
+    ShearedLanes, Sides, Sphere, Triangle, cone, sphere, triangle,
 };
+
+use polygons::PolygonColumns;
 
 /// Primitives of all kinds, a structure of arrays for each kind.
 ///
@@ -23,14 +27,7 @@ pub struct PrimitiveColumns {
     /// Coordinate `k` of vertex `v` is column `3 v + k`.
     triangles: [Vec<f64>; 9],
     cones: [Vec<f64>; cone::PARAMETERS],
-    /// x, y, z of all vertices; each polygon's first vertex stands once more after its last.
-    polygon_vertices: [Vec<f64>; 3],
-    /// Where each polygon's vertices start, and one past the end of the last.
-    polygon_starts: Vec<u32>,
-    polygon_normals: Vec<DVec3>,
-    /// The boxes of the parts of long polygons, and where those of each polygon start.
-    polygon_boxes: [Vec<f64>; 6],
-    polygon_box_starts: Vec<u32>,
+    polygons: PolygonColumns,
 }
 
 /// A range of primitives of one kind, all visible from the same sides.
@@ -93,16 +90,7 @@ fn index_of(len: usize) -> u32 {
 
 impl Default for PrimitiveColumns {
     fn default() -> Self {
-        Self {
-            spheres: padded(),
-            triangles: padded(),
-            cones: padded(),
-            polygon_vertices: padded(),
-            polygon_starts: vec![0],
-            polygon_normals: Vec::new(),
-            polygon_boxes: padded(),
-            polygon_box_starts: Vec::new(),
-        }
+        Self { spheres: padded(), triangles: padded(), cones: padded(), polygons: PolygonColumns::default() }
     }
 }
 
@@ -126,7 +114,7 @@ impl PrimitiveColumns {
             }
             Primitive::Cone(cone) => push_all(&mut self.cones, cone.parameters()),
             Primitive::Polygon(polygon) => {
-                self.push_polygon(polygon.vertices(), polygon.normal());
+                self.polygons.push(polygon.vertices(), polygon.normal());
             }
         }
         ColumnRun { kind, sides, range: index..index + 1 }
@@ -139,7 +127,7 @@ impl PrimitiveColumns {
             PrimitiveKind::Sphere => self.spheres[0].len() - MAX_LANES,
             PrimitiveKind::Triangle => self.triangles[0].len() - MAX_LANES,
             PrimitiveKind::Cone => self.cones[0].len() - MAX_LANES,
-            PrimitiveKind::Polygon => self.polygon_normals.len(),
+            PrimitiveKind::Polygon => self.polygons.len(),
         }
     }
 
@@ -164,7 +152,7 @@ impl PrimitiveColumns {
                 Sphere::outward(DVec3::new(x[i], y[i], z[i]), point)
             }
             PrimitiveKind::Triangle => self.triangle(index).normal(),
-            PrimitiveKind::Polygon => self.polygon_normals[i],
+            PrimitiveKind::Polygon => self.polygons.normal(i),
             PrimitiveKind::Cone => {
                 let at = |k: usize| DVec3::new(self.cones[k][i], self.cones[k + 1][i], self.cones[k + 2][i]);
                 Cone::outward(at(0), at(3), self.cones[8][i], point)
@@ -211,11 +199,7 @@ impl PrimitiveColumns {
         match kind {
             PrimitiveKind::Sphere => Primitive::from(self.sphere(index)).bounding_box(),
             PrimitiveKind::Triangle => Primitive::from(self.triangle(index)).bounding_box(),
-            PrimitiveKind::Polygon => {
-                let [x, y, z] = &self.polygon_vertices;
-                let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize;
-                vertices.map(|v| DVec3::new(x[v], y[v], z[v])).collect()
-            }
+            PrimitiveKind::Polygon => self.polygons.corners(i).collect(),
             PrimitiveKind::Cone => Cone::bounding_box_of(&row(&self.cones, index)),
         }
     }
@@ -283,8 +267,7 @@ impl PrimitiveColumns {
         (rays, order): (&ShearedLanes<S>, &AxesOrder<S>),
         sides: (<S::F64 as Lanes>::Mask, <S::F64 as Lanes>::Mask),
     ) -> (<S::F64 as Lanes>::Mask, S::F64) {
-        let (of, count) = self.vertices_of(index as usize);
-        polygon::intersect_by_rays(simd, rays, &CornerColumns { of, order }, count, sides)
+        self.polygons.intersect_by_rays(simd, index as usize, (rays, order), sides)
     }
 
     /// How many vertices a polygon has.
@@ -294,8 +277,7 @@ impl PrimitiveColumns {
     /// If there is no such polygon.
     #[must_use]
     pub fn polygon_len(&self, index: u32) -> usize {
-        let i = index as usize;
-        (self.polygon_starts[i + 1] - self.polygon_starts[i]) as usize - 1
+        self.polygons.corners(index as usize).len()
     }
 
     /// The vertices of a polygon.
@@ -305,9 +287,7 @@ impl PrimitiveColumns {
     /// If there is no such polygon.
     #[must_use]
     pub fn polygon_vertices(&self, index: u32) -> Vec<DVec3> {
-        let (i, [x, y, z]) = (index as usize, &self.polygon_vertices);
-        let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize - 1;
-        vertices.map(|v| DVec3::new(x[v], y[v], z[v])).collect()
+        self.polygons.corners(index as usize).collect()
     }
 
     /// The bits of the numbers that a primitive is tested by.
@@ -323,10 +303,7 @@ impl PrimitiveColumns {
             PrimitiveKind::Sphere => (&self.spheres, i..i + 1),
             PrimitiveKind::Triangle => (&self.triangles, i..i + 1),
             PrimitiveKind::Cone => (&self.cones, i..i + 1),
-            PrimitiveKind::Polygon => {
-                let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize;
-                (&self.polygon_vertices, vertices)
-            }
+            PrimitiveKind::Polygon => self.polygons.coordinates(i),
         };
         columns.iter().flat_map(move |column| column[range.clone()].iter().map(|value| value.to_bits()))
     }
@@ -343,33 +320,17 @@ impl PrimitiveColumns {
             PrimitiveKind::Triangle => push_all(&mut self.triangles, row(&other.triangles, index)),
             PrimitiveKind::Cone => push_all(&mut self.cones, row(&other.cones, index)),
             PrimitiveKind::Polygon => {
-                self.push_polygon(&other.polygon_vertices(index), other.polygon_normals[index as usize]);
+                self.polygons.push(&other.polygon_vertices(index), other.polygons.normal(index as usize));
             }
         }
         ColumnRun { kind, sides, range: new..new + 1 }
     }
 
-    fn push_polygon(&mut self, vertices: &[DVec3], normal: DVec3) {
-        for vertex in vertices.iter().chain(&vertices[..1]) {
-            push_all(&mut self.polygon_vertices, vertex.to_array());
-        }
-        self.polygon_box_starts.push(index_of(self.polygon_boxes[0].len() - MAX_LANES));
-        for planes in polygon::boxes_of(vertices) {
-            push_all(&mut self.polygon_boxes, planes);
-        }
-        self.polygon_starts.push(index_of(self.polygon_vertices[0].len() - MAX_LANES));
-        self.polygon_normals.push(normal);
-    }
-
     /// How many bytes the columns take.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let polygons = self.polygon_vertices.iter().chain(&self.polygon_boxes);
-        let columns = self.spheres.iter().chain(&self.triangles).chain(&self.cones).chain(polygons);
-        columns.map(|column| size_of_val(&column[..])).sum::<usize>()
-            + size_of_val(&self.polygon_starts[..])
-            + size_of_val(&self.polygon_box_starts[..])
-            + size_of_val(&self.polygon_normals[..])
+        let columns = self.spheres.iter().chain(&self.triangles).chain(&self.cones);
+        columns.map(|column| size_of_val(&column[..])).sum::<usize>() + self.polygons.bytes()
     }
 
     /// A sphere.
@@ -395,11 +356,7 @@ impl PrimitiveColumns {
             PrimitiveKind::Sphere => self.sphere(index).into(),
             PrimitiveKind::Triangle => self.triangle(index).into(),
             PrimitiveKind::Polygon => {
-                let [x, y, z] = &self.polygon_vertices;
-                // The last repeats the first.
-                let vertices = self.polygon_starts[i] as usize..self.polygon_starts[i + 1] as usize - 1;
-                let vertices = vertices.map(|v| DVec3::new(x[v], y[v], z[v])).collect();
-                Polygon::new(vertices).expect("it was one when it was added").into()
+                Polygon::new(self.polygon_vertices(index)).expect("it was one when it was added").into()
             }
             PrimitiveKind::Cone => {
                 let at = |k: usize| DVec3::new(self.cones[k][i], self.cones[k + 1][i], self.cones[k + 2][i]);
@@ -462,7 +419,7 @@ impl PrimitiveColumns {
             for i in run.range.clone() {
                 // A plane is never met again by a ray that leaves it.
                 if departure.is_none_or(|d| d.index != i)
-                    && let Some((side, t)) = self.intersect_polygon(probe, i as usize)
+                    && let Some((side, t)) = self.polygons.intersect(probe, i as usize)
                     && run.sides.include(side)
                     && probe.span.contains(t)
                     && !visit(ColumnHit { t, index: i })
@@ -482,21 +439,6 @@ impl PrimitiveColumns {
             PrimitiveKind::Cone => each_lane(probe, run, departure, visit, &ConeTest(&self.cones)),
             PrimitiveKind::Polygon => unreachable!("polygons are tested one at a time"),
         }
-    }
-
-    #[inline(always)]
-    fn intersect_polygon<S: Simd>(&self, probe: &Probe<S>, i: usize) -> Option<(Side, f64)> {
-        let (vertices, count) = self.vertices_of(i);
-        polygon::intersect(probe, &vertices, count)
-    }
-
-    /// The vertices of a polygon, and how many they are.
-    #[inline(always)]
-    fn vertices_of(&self, i: usize) -> (VertexColumns<'_>, usize) {
-        let (start, next) = (self.polygon_starts[i] as usize, self.polygon_starts[i + 1] as usize);
-        let first_box = self.polygon_box_starts[i] as usize;
-        let (columns, boxes) = (&self.polygon_vertices, &self.polygon_boxes);
-        (VertexColumns { columns, start, boxes, first_box }, next - start - 1)
     }
 }
 
@@ -529,53 +471,6 @@ impl<S: Simd> LaneTest<S> for TriangleTest<'_> {
         let b = [simd.load_f64(&bx[i..]), simd.load_f64(&by[i..]), simd.load_f64(&bz[i..])];
         let c = [simd.load_f64(&cx[i..]), simd.load_f64(&cy[i..]), simd.load_f64(&cz[i..])];
         triangle::intersect(probe, [a, b, c], allowed)
-    }
-}
-
-/// The vertices of a polygon.
-struct VertexColumns<'a> {
-    columns: &'a [Vec<f64>; 3],
-    start: usize,
-    boxes: &'a [Vec<f64>; 6],
-    first_box: usize,
-}
-
-impl<S: Simd> polygon::Vertices<S> for VertexColumns<'_> {
-    #[inline(always)]
-    fn load(&self, simd: S, i: usize) -> [S::F64; 3] {
-        let ([x, y, z], i) = (self.columns, self.start + i);
-        [simd.load_f64(&x[i..]), simd.load_f64(&y[i..]), simd.load_f64(&z[i..])]
-    }
-
-    #[inline(always)]
-    fn may_cross(&self, probe: &Probe<S>, ray: &ShearedLanes<S>, first: usize) -> u32 {
-        let (simd, [_, y, z]) = (probe.simd, probe.shear.axes);
-        let plane = |k: usize| &self.boxes[k][self.first_box + first..];
-        let low = [simd.load_f64(plane(y)), simd.load_f64(plane(z))];
-        let high = [simd.load_f64(plane(3 + y)), simd.load_f64(plane(3 + z))];
-        polygon::may_cross(simd, ray, [low, high]).bits()
-    }
-}
-
-/// The corners of a polygon, for rays that want their coordinates in some order.
-struct CornerColumns<'a, S: Simd> {
-    of: VertexColumns<'a>,
-    order: &'a AxesOrder<S>,
-}
-
-impl<S: Simd> polygon::Corners<S> for CornerColumns<'_, S> {
-    #[inline(always)]
-    fn vertex(&self, simd: S, i: usize) -> [S::F64; 3] {
-        let ([x, y, z], i) = (self.of.columns, self.of.start + i);
-        self.order.splat(simd, [x[i], y[i], z[i]])
-    }
-
-    #[inline(always)]
-    fn part(&self, simd: S, part: usize) -> [[S::F64; 2]; 2] {
-        let (planes, i) = (self.of.boxes, self.of.first_box + part);
-        let [_, low_y, low_z] = self.order.splat(simd, [planes[0][i], planes[1][i], planes[2][i]]);
-        let [_, high_y, high_z] = self.order.splat(simd, [planes[3][i], planes[4][i], planes[5][i]]);
-        [[low_y, low_z], [high_y, high_z]]
     }
 }
 
