@@ -116,12 +116,13 @@ impl<const W: usize> SphereBlock<W> {
 /// The chords of rays in spheres, a pair a lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chords<S: Simd> {
+    radius: S::F32,
     /// How far along the ray its middle lies.
     along: S::F32,
-    /// Half its length, squared.
-    discriminant: S::F32,
-    /// How far that may be off.
-    error: S::F32,
+    /// How much the perpendicular from the centre, squared, exceeds the radius, squared, and how far these may be off.
+    beyond: S::F32,
+    /// How far the perpendicular from the centre may be off.
+    error: f32,
     unit: f32,
 }
 
@@ -137,19 +138,19 @@ impl<S: Simd> Chords<S> {
     ) -> Self {
         let (x, y, z) = (center[0] - ox, center[1] - oy, center[2] - oz);
         let along = x.mul_add(dx, y.mul_add(dy, z * dz));
-        let (lx, ly, lz) = (x - along * dx, y - along * dy, z - along * dz);
-        let lateral = lx.mul_add(lx, ly.mul_add(ly, lz * lz));
-        let discriminant = radius * radius - lateral;
+        let (lx, ly, lz) = (along.mul_sub(dx, x), along.mul_sub(dy, y), along.mul_sub(dz, z));
         let error = SPHERE_MARGIN * unit;
-        // r^2 - l^2 is off by 2 E r, rounded up, and what is left of second order.
-        let error = radius.mul_add(simd.splat_f32(3.0 * error), simd.splat_f32(5.0 * error * error));
-        Self { along, discriminant, error, unit }
+        // r^2 - l^2 is off by 2 E r, rounded up, and what is left of second order: nothing of it waits for the ray.
+        let reach = radius + simd.splat_f32(3.0 * error);
+        let reach = radius.mul_add(reach, simd.splat_f32(5.0 * error * error));
+        let beyond = lx.mul_add(lx, ly.mul_add(ly, lz.mul_sub(lz, reach)));
+        Self { radius, along, beyond, error, unit }
     }
 
     /// The pairs of which the ray may meet the sphere, before or behind.
     #[inline(always)]
     pub(crate) fn are_real(&self, simd: S) -> <S::F32 as Lanes>::Mask {
-        (self.discriminant + self.error).ge(simd.splat_f32(0.0))
+        self.beyond.le(simd.splat_f32(0.0))
     }
 
     /// Where the rays hit the spheres, of which the front and the back may be hit by some.
@@ -161,20 +162,22 @@ impl<S: Simd> Chords<S> {
         front: <S::F32 as Lanes>::Mask,
         back: <S::F32 as Lanes>::Mask,
     ) -> Intervals<S> {
-        let Self { along, discriminant, error, unit } = *self;
-        let slack = simd.splat_f32(SPHERE_DISTANCE_MARGIN * unit);
-        let (below, above) = (along - slack, along + slack);
-        let ends = span.ends;
+        let Self { radius, along, beyond, error, unit } = *self;
         let zero = simd.splat_f32(0.0);
-        let wide = discriminant + error;
-        let real = wide.ge(zero) & (front | back);
+        let real = self.are_real(simd) & (front | back);
         // Most leaves are done with here, and the roots are what costs most.
         if !real.any() {
             return Intervals { possible: real, sure: real, low: zero, high: zero };
         }
-        let widest = wide.max(zero).sqrt();
-        let narrowest = (discriminant - error).max(zero).sqrt();
-        let surely_real = discriminant.gt(error);
+        let slack = simd.splat_f32(SPHERE_DISTANCE_MARGIN * unit);
+        let (below, above) = (along - slack, along + slack);
+        let ends = span.ends;
+        let wide = zero - beyond;
+        // Twice as far off as it may be in one direction.
+        let narrow =
+            wide - radius.mul_add(simd.splat_f32(6.0 * error), simd.splat_f32(10.0 * error * error));
+        let surely_real = narrow.gt(zero);
+        let (widest, narrowest) = (wide.max(zero).sqrt(), narrow.max(zero).sqrt());
         let (near_low, near_high) = (below - widest, above - narrowest);
         let (far_low, far_high) = (below + narrowest, above + widest);
         // The front counts if it lies in the span, else the back.
