@@ -13,12 +13,13 @@ use crate::ray::CullRay;
 /// How far the distance of two lines, times the sine between them, may be off, in units of the rounding of a coordinate.
 pub const AXIS_MARGIN: f32 = 40.0;
 /// How far the ends of the part of a line that is within reach of another may be off, along either, where the sine between
-/// them is at least a half; in units of the rounding of a coordinate.
+/// them is at least a half; in units of the rounding of a coordinate. Where it is less, over four times its square.
 pub const REACH_MARGIN: f32 = 400.0;
 
-/// Cones whose radius is nowhere below this, in culling space, and grows no faster than this, have sure hits.
+/// Where the square of the sine between a ray and an axis is less, nothing is said of where they are near.
+const LEAST_SQUARE: f32 = 1.0 / 256.0;
+/// Cones whose radius is nowhere below this, in culling space, have sure hits.
 const SURE_RADIUS: f64 = 1.0 / 16384.0;
-const SURE_SLOPE: f64 = 0.5;
 
 /// `W` axes, how far from each a hit may lie, and how near to it a ray is inside.
 #[derive(Clone, Debug)]
@@ -28,8 +29,9 @@ pub(crate) struct AxisBlock<const W: usize> {
     direction: [[f32; W]; 3],
     height: [f32; W],
     reach: [f32; W],
-    /// Zero where no hit is sure.
     inside: [f32; W],
+    /// From which square of the sine on a hit may be sure.
+    sure_from: [f32; W],
 }
 
 /// A cone, or several, a lane each.
@@ -40,6 +42,7 @@ struct Axes<S: Simd> {
     height: S::F32,
     reach: S::F32,
     inside: S::F32,
+    sure_from: S::F32,
 }
 
 /// The rays that axes are tested with, a pair a lane.
@@ -75,6 +78,7 @@ impl<const W: usize> AxisBlock<W> {
         height: [f32::NAN; W],
         reach: [f32::NAN; W],
         inside: [0.0; W],
+        sure_from: [f32::INFINITY; W],
     };
 
     #[expect(clippy::cast_possible_truncation, reason = "the margins make up for the rounding")]
@@ -87,8 +91,9 @@ impl<const W: usize> AxisBlock<W> {
         self.height[lane] = round_up(axis.height * frame.scale);
         self.reach[lane] = round_up(axis.reach * frame.scale);
         let inside = axis.least_radius * frame.scale;
-        let is_sure = inside >= SURE_RADIUS && axis.slope.abs() <= SURE_SLOPE;
-        self.inside[lane] = if is_sure { inside as f32 } else { 0.0 };
+        self.inside[lane] = inside as f32;
+        let sure_from = if inside >= SURE_RADIUS { 2.0 * axis.slope * axis.slope } else { f64::INFINITY };
+        self.sure_from[lane] = LEAST_SQUARE.max(round_up(sure_from));
     }
 
     /// Where a ray hits the cones before `end`, of which the front and the back may be hit by the bits of `sides`.
@@ -118,6 +123,7 @@ impl<const W: usize> AxisBlock<W> {
             height: simd.load_f32(&self.height),
             reach: simd.load_f32(&self.reach),
             inside: simd.load_f32(&self.inside),
+            sure_from: simd.load_f32(&self.sure_from),
         };
         axes.met_by(simd, ray, sides)
     }
@@ -138,6 +144,7 @@ impl<const W: usize> AxisBlock<W> {
             height: simd.splat_f32(self.height[lane]),
             reach: simd.splat_f32(self.reach[lane]),
             inside: simd.splat_f32(self.inside[lane]),
+            sure_from: simd.splat_f32(self.sure_from[lane]),
         };
         axis.met_by(simd, rays, sides)
     }
@@ -146,6 +153,12 @@ impl<const W: usize> AxisBlock<W> {
 #[inline(always)]
 fn load<S: Simd, const W: usize>(simd: S, [x, y, z]: &[[f32; W]; 3]) -> [S::F32; 3] {
     [simd.load_f32(x), simd.load_f32(y), simd.load_f32(z)]
+}
+
+/// Where both are between two others.
+#[inline(always)]
+fn is_within<L: CullLanes>([a, b]: [L; 2], low: L, high: L) -> L::Mask {
+    a.min(b).ge(low) & a.max(b).le(high)
 }
 
 #[inline(always)]
@@ -158,7 +171,8 @@ impl<S: Simd> Axes<S> {
     ///
     /// They may if their lines pass within reach of the axes and, unless they are nearly parallel, that part of a line lies
     /// between the circles and in the span. They surely do if they pass through the cylinder inside, and from where they
-    /// may enter the one outside up to the middle, or from there on, are at heights of the cone.
+    /// may enter the one outside up to where they are in that one, or from where they leave that one on, are at heights of
+    /// the cone.
     #[inline(always)]
     fn met_by(
         &self,
@@ -167,7 +181,7 @@ impl<S: Simd> Axes<S> {
         (front, back): (<S::F32 as Lanes>::Mask, <S::F32 as Lanes>::Mask),
     ) -> Intervals<S> {
         let AxisRays { origin: [ox, oy, oz], direction, span, margins: [axis_margin, reach_margin] } = *rays;
-        let Self { base, direction: axis, height, reach, inside } = *self;
+        let Self { base, direction: axis, height, reach, inside, sure_from } = *self;
         let ([dx, dy, dz], [ax, ay, az]) = (direction, axis);
         let to_base = [base[0] - ox, base[1] - oy, base[2] - oz];
         let across = [dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax];
@@ -180,11 +194,11 @@ impl<S: Simd> Axes<S> {
         if !is_near.any() {
             return Intervals::none(simd);
         }
-        let is_oblique = squared.ge(simd.splat_f32(0.25));
+        let is_oblique = squared.ge(simd.splat_f32(LEAST_SQUARE));
         let cosine = dot(direction, axis);
         let (along_ray, along_axis) = (dot(to_base, direction), dot(to_base, axis));
         let inverse = simd.splat_f32(1.0) / squared;
-        let margin = simd.splat_f32(reach_margin);
+        let margin = (inverse * simd.splat_f32(0.25 * reach_margin)).max(simd.splat_f32(reach_margin));
         // Where the lines are nearest, along both, and how far from there the ray is within reach, and inside.
         let t = (along_ray - cosine * along_axis) * inverse;
         let m = (cosine * along_ray - along_axis) * inverse;
@@ -200,17 +214,18 @@ impl<S: Simd> Axes<S> {
         }
         let deep = inside * inside * squared - greatest * greatest;
         let (lowest, highest) = (margin, height - margin);
-        let is_inside = possible & is_oblique & deep.gt(zero) & m.ge(lowest) & m.le(highest);
+        let is_inside = possible & squared.ge(sure_from) & deep.gt(zero);
         let none = Intervals { possible, sure: simd.mask_f32(0), low: zero, high: zero };
         if !is_inside.any() {
             let low = (t - half_t).select(is_oblique, span.start);
             return Intervals { low, ..none };
         }
         let narrow = deep.max(zero).sqrt() * inverse - margin;
-        let slant = half * cosine;
-        let (front_m, back_m) = (m - slant, m + slant);
-        let is_front_there = front_m.ge(lowest) & front_m.le(highest);
-        let is_back_there = back_m.ge(lowest) & back_m.le(highest);
+        // The heights where it meets the cylinder outside and the one inside.
+        let (outer, inner) = (half * cosine, narrow * cosine);
+        let (front_m, back_m) = ([m - outer, m - inner], [m + outer, m + inner]);
+        let is_front_there = is_within(front_m, lowest, highest);
+        let is_back_there = is_within(back_m, lowest, highest);
         let (front_low, front_high) = (t - half_t, t - narrow);
         let (back_low, back_high) = (t + narrow, t + half_t);
         let may_enter = front & front_high.ge(span.start) & front_low.le(span.ends);
@@ -276,8 +291,8 @@ mod tests {
                 let on_axis = base + pick(&[0.0, 1e-7, 1e-4, 0.5, 1.0 - 1e-7, 1.0]) * (apex - base);
                 let is_grazing = case / 2 % 2 == 0;
                 let eye = match case / 4 % 5 {
-                    // Nearly along the axis.
-                    0 => on_axis - 0.3 * (apex - base) + 1e-3 * aside,
+                    // Nearly along the axis, or by a small angle.
+                    0 => on_axis - 0.3 * (apex - base) + pick(&[1e-3, 0.03, 0.1]) * aside,
                     // Nearly perpendicular to it, so that all of the ray is at one height.
                     1 | 2 if !is_grazing => {
                         let along = (apex - base).normalize_or_zero();
@@ -302,9 +317,13 @@ mod tests {
                 } else {
                     pick(&[0.0, 0.1, 0.5, 0.9, 0.99, 0.999])
                 };
-                let Some(ray) = Ray::between(place(eye), place(on_axis + offset * radius * across)) else {
-                    continue;
-                };
+                // Where the ray is nearest to the axis, or where it meets the wall, so that either is at the end.
+                let is_wall = case / 60 % 2 == 0 && offset < 1.0;
+                let (along, to_eye) = ((apex - base).normalize_or_zero(), eye - on_axis);
+                let towards = (to_eye - to_eye.dot(along) * along).normalize_or_zero();
+                let towards = if is_wall { (1.0 - offset * offset).sqrt() } else { 0.0 } * towards;
+                let target = on_axis + radius * (offset * across + towards);
+                let Some(ray) = Ray::between(place(eye), place(target)) else { continue };
                 // How far beyond a hit spans end, or before it, where they do not miss it.
                 let near = pick(&[0.0, 0.0, 1e-12, 1e-9, 1e-8, 1e-7, -1e-9, -1e-7]);
                 let sides = [Sides::Both, Sides::Front, Sides::Back][dice.next_u32() as usize % 3];

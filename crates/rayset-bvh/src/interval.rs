@@ -174,8 +174,7 @@ impl<S: Simd> Chords<S> {
         let ends = span.ends;
         let wide = zero - beyond;
         // Twice as far off as it may be in one direction.
-        let narrow =
-            wide - radius.mul_add(simd.splat_f32(6.0 * error), simd.splat_f32(10.0 * error * error));
+        let narrow = wide - radius.mul_add(simd.splat_f32(6.0 * error), simd.splat_f32(10.0 * error * error));
         let surely_real = narrow.gt(zero);
         let (widest, narrowest) = (wide.max(zero).sqrt(), narrow.max(zero).sqrt());
         let (near_low, near_high) = (below - widest, above - narrowest);
