@@ -192,7 +192,7 @@ impl<const W: usize> Wide<W> {
             .iter()
             .zip(0..)
             .filter(|(bounds, _)| !bounds.is_empty())
-            .map(|(bounds, primitive)| Reference::new(&frame.cull_box(bounds), primitive, 1))
+            .map(|(bounds, primitive)| Reference::new(&frame.cull_box(bounds), primitive, 0, 1))
             .collect();
         let (tree, leaves) = build::<W>(&mut references, LEAF_LEN);
         let (mut numbers, mut starts) = (Vec::with_capacity(references.len()), vec![0]);

@@ -24,15 +24,27 @@ type Four = [f32; 4];
 pub(crate) struct Reference {
     /// The fourth number is the primitive's, bit by bit.
     low: Four,
-    /// The fourth is the primitive's weight: how much of a leaf it takes. It is 1 at least, so that the sum of both is no
-    /// subnormal number: they take a hundred times longer to multiply.
+    /// The fourth is the primitive's weight, and [`LIGHTEST`] for each group before its own. It is 1 at least, so that the
+    /// sum of both is no subnormal number: they take a hundred times longer to multiply.
     high: Four,
 }
 
+/// How many groups of primitives are told apart, at most: those that lanes test together.
+const GROUPS: usize = 4;
+/// No primitive weighs as much.
+const LIGHTEST: u16 = 256;
+
+/// How much primitives take of a leaf: of the lanes of each group's block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Load([u32; GROUPS]);
+
 impl Reference {
-    pub(crate) fn new(bounds: &CullBox, primitive: u32, weight: u8) -> Self {
+    /// By its box and number, the group of those that lanes test together, and how many of these lanes it takes, one at
+    /// least.
+    pub(crate) fn new(bounds: &CullBox, primitive: u32, group: u8, weight: u8) -> Self {
         let ([x, y, z], [a, b, c]) = (bounds.low, bounds.high);
-        Self { low: [x, y, z, f32::from_bits(primitive)], high: [a, b, c, f32::from(weight)] }
+        let load = LIGHTEST * u16::from(group) + u16::from(weight);
+        Self { low: [x, y, z, f32::from_bits(primitive)], high: [a, b, c, f32::from(load)] }
     }
 
     #[inline]
@@ -40,11 +52,12 @@ impl Reference {
         self.low[3].to_bits()
     }
 
-    /// How much of a leaf it takes.
+    /// Its group, and how many lanes it takes.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small whole number")]
-    fn weight(&self) -> u32 {
-        self.high[3] as u32
+    fn load(&self) -> (usize, u32) {
+        let (load, lightest) = (self.high[3] as u32, u32::from(LIGHTEST));
+        ((load / lightest) as usize % GROUPS, load % lightest)
     }
 
     /// Whether its box has no thickness along an axis.
@@ -90,6 +103,35 @@ impl FourBox {
     fn cull_box(&self) -> CullBox {
         let ([x, y, z, _], [a, b, c, _]) = (self.low, self.high);
         CullBox { low: [x, y, z], high: [a, b, c] }
+    }
+}
+
+impl Load {
+    const NONE: Self = Self([0; GROUPS]);
+
+    #[inline(always)]
+    fn add(&mut self, (group, weight): (usize, u32)) {
+        self.0[group] += weight;
+    }
+
+    #[inline(always)]
+    fn add_all(&mut self, other: &Self) {
+        for (sum, weight) in self.0.iter_mut().zip(other.0) {
+            *sum += weight;
+        }
+    }
+
+    /// How many blocks of so many lanes, a power of two, hold it: each costs the same whether it is full or not.
+    #[inline(always)]
+    fn blocks(&self, lanes: usize) -> u32 {
+        let shift = lanes.trailing_zeros();
+        let last = (1 << shift) - 1;
+        self.0.iter().map(|weight| (weight + last) >> shift).sum()
+    }
+
+    /// Whether one block of each group holds it.
+    fn fits(&self, lanes: usize) -> bool {
+        self.0.iter().all(|&weight| weight as usize <= lanes)
     }
 }
 
@@ -239,8 +281,12 @@ fn split<const W: usize>(references: &mut [Reference], start: u32, leaf_len: usi
 
 /// Whether a leaf holds references; it holds any single one.
 fn fits(references: &[Reference], leaf_len: usize) -> bool {
-    let weight = || references.iter().map(|reference| reference.weight() as usize).sum::<usize>();
-    references.len() == 1 || (references.len() <= leaf_len && weight() <= leaf_len)
+    if references.len() > GROUPS * leaf_len {
+        return false;
+    }
+    let mut load = Load::NONE;
+    references.iter().for_each(|reference| load.add(reference.load()));
+    references.len() == 1 || load.fits(leaf_len)
 }
 
 /// The boxes of references, and of their doubled centres.
@@ -319,20 +365,19 @@ impl Binning {
 #[derive(Clone, Copy)]
 struct Bins {
     bounds: [[FourBox; BINS]; 3],
-    /// How much weight.
-    counts: [[u32; BINS]; 3],
+    loads: [[Load; BINS]; 3],
 }
 
 impl Bins {
-    const EMPTY: Self = Self { bounds: [[FourBox::EMPTY; BINS]; 3], counts: [[0; BINS]; 3] };
+    const EMPTY: Self = Self { bounds: [[FourBox::EMPTY; BINS]; 3], loads: [[Load::NONE; BINS]; 3] };
 
     #[inline(always)]
     fn with(mut self, references: &[Reference], binning: &Binning) -> Self {
         for reference in references {
-            let (bins, weight) = (binning.bins(reference), reference.weight());
+            let (bins, load) = (binning.bins(reference), reference.load());
             for (k, &bin) in bins[..3].iter().enumerate() {
                 self.bounds[k][bin].add(&reference.low, &reference.high);
-                self.counts[k][bin] += weight;
+                self.loads[k][bin].add(load);
             }
         }
         self
@@ -342,7 +387,7 @@ impl Bins {
         for k in 0..3 {
             for i in 0..BINS {
                 self.bounds[k][i].add(&other.bounds[k][i].low, &other.bounds[k][i].high);
-                self.counts[k][i] += other.counts[k][i];
+                self.loads[k][i].add_all(&other.loads[k][i]);
             }
         }
         self
@@ -357,7 +402,7 @@ fn best_split(references: &mut [Reference], extent: &Extent, leaf_len: usize) ->
     let mut best: Option<(f32, usize, usize)> = None;
     for axis in 0..3 {
         if binning.scale[axis] > 0.0 {
-            for (cost, bin) in sweep(&bins.bounds[axis], &bins.counts[axis], leaf_len) {
+            for (cost, bin) in sweep(&bins.bounds[axis], &bins.loads[axis], leaf_len) {
                 if best.is_none_or(|best| cost < best.0) {
                     best = Some((cost, axis, bin));
                 }
@@ -369,33 +414,27 @@ fn best_split(references: &mut [Reference], extent: &Extent, leaf_len: usize) ->
 }
 
 /// The cost of a split before each bin that leaves something on both sides.
+#[expect(clippy::cast_precision_loss, reason = "a cost")]
 fn sweep(
     bounds: &[FourBox; BINS],
-    counts: &[u32; BINS],
+    loads: &[Load; BINS],
     leaf_len: usize,
 ) -> impl Iterator<Item = (f32, usize)> {
     let mut right = [(0.0, 0); BINS];
-    let (mut sum, mut count) = (FourBox::EMPTY, 0);
+    let (mut sum, mut load) = (FourBox::EMPTY, Load::NONE);
     for i in (1..BINS).rev() {
         sum.add(&bounds[i].low, &bounds[i].high);
-        count += counts[i];
-        right[i] = (sum.half_area(), count);
+        load.add_all(&loads[i]);
+        right[i] = (sum.half_area(), load.blocks(leaf_len));
     }
-    let (mut sum, mut count) = (FourBox::EMPTY, 0);
+    let (mut sum, mut load) = (FourBox::EMPTY, Load::NONE);
     (1..BINS).filter_map(move |i| {
         sum.add(&bounds[i - 1].low, &bounds[i - 1].high);
-        count += counts[i - 1];
-        let (right_area, right_count) = right[i];
-        let is_split = count > 0 && right_count > 0;
-        let cost = sum.half_area() * leaves(count, leaf_len) + right_area * leaves(right_count, leaf_len);
-        is_split.then_some((cost, i))
+        load.add_all(&loads[i - 1]);
+        let ((right_area, right_blocks), blocks) = (right[i], load.blocks(leaf_len));
+        let cost = sum.half_area() * blocks as f32 + right_area * right_blocks as f32;
+        (blocks > 0 && right_blocks > 0).then_some((cost, i))
     })
-}
-
-/// How many full leaves hold so much weight: a leaf costs the same whether it is full or not.
-#[expect(clippy::cast_precision_loss, reason = "a cost")]
-fn leaves(count: u32, leaf_len: usize) -> f32 {
-    (count as usize).div_ceil(leaf_len) as f32
 }
 
 /// Bins a unit of doubled centre; zero where all centres coincide.
@@ -425,12 +464,13 @@ mod tests {
 
     /// Boxes strewn by a multiplicative hash, many of them on top of each other.
     #[expect(clippy::cast_precision_loss, reason = "strewn")]
-    fn strewn(n: u32) -> Vec<Reference> {
+    fn strewn(n: u32, groups: u32) -> Vec<Reference> {
         let at = |i: u32, k: u32| ((i / 3).wrapping_mul(k) >> 8) as f32 / 16_777_216.0;
         (0..n)
             .map(|i| {
                 let low = [at(i, 2_654_435_761), at(i, 2_246_822_519), at(i, 3_266_489_917)];
-                Reference::new(&CullBox { low, high: low.map(|x| x + 0.01) }, i, 1)
+                let group = u8::try_from(i % groups).expect("few");
+                Reference::new(&CullBox { low, high: low.map(|x| x + 0.01) }, i, group, 1)
             })
             .collect()
     }
@@ -439,7 +479,7 @@ mod tests {
     fn tree_is_the_same_for_any_number_of_threads() {
         let trees = [1, 2, 5].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let mut references = strewn(100_000);
+            let mut references = strewn(100_000, 2);
             let (tree, leaves) = pool.install(|| build::<8>(&mut references, 8));
             let planes: Vec<u32> =
                 tree.nodes.iter().flat_map(|node| node.planes.as_flattened()).map(|x| x.to_bits()).collect();
@@ -452,7 +492,7 @@ mod tests {
 
     #[test]
     fn every_primitive_is_in_one_leaf_and_in_its_box() {
-        let mut references = strewn(10_000);
+        let mut references = strewn(10_000, 1);
         let (tree, leaves) = build::<16>(&mut references, 16);
         let mut seen = vec![0; references.len()];
         for (node, slot) in tree.nodes.iter().flat_map(|node| (0..16).map(move |slot| (node, slot))) {
@@ -470,5 +510,22 @@ mod tests {
             }
         }
         assert!(seen.iter().all(|&times| times == 1));
+    }
+
+    #[test]
+    fn a_leaf_holds_a_block_of_each_group() {
+        let leaves = [1, 2].map(|groups| {
+            let mut references = strewn(10_000, groups);
+            let (_, leaves) = build::<16>(&mut references, 16);
+            for leaf in &leaves {
+                let mut load = Load::NONE;
+                references[leaf.start as usize..leaf.end as usize]
+                    .iter()
+                    .for_each(|reference| load.add(reference.load()));
+                assert!(load.fits(16), "{load:?}");
+            }
+            leaves.len()
+        });
+        assert!(10 * leaves[1] < 7 * leaves[0], "{leaves:?}");
     }
 }

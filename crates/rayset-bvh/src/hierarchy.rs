@@ -229,11 +229,10 @@ fn drop_superfluous(references: &mut Vec<Reference>, numbers: &[u32]) {
     references.retain(|reference| is_kept[reference.primitive() as usize]);
 }
 
-/// How many of the lanes of a leaf a primitive takes, or what it costs as much as.
+/// How many lanes of its kind's block in a leaf a primitive takes, or what it costs as much as.
 fn weight<const W: usize>(columns: &PrimitiveColumns, kind: PrimitiveKind, index: u32) -> u8 {
     let weight = match kind {
-        PrimitiveKind::Sphere | PrimitiveKind::Triangle => 1,
-        PrimitiveKind::Cone => 1,
+        PrimitiveKind::Sphere | PrimitiveKind::Triangle | PrimitiveKind::Cone => 1,
         PrimitiveKind::Polygon => fan_len(columns.polygon_len(index), W).unwrap_or(W),
     };
     u8::try_from(weight).expect("a leaf is small")
@@ -258,7 +257,7 @@ impl<const W: usize> Wide<W> {
         let reference = |(primitive, &(kind, index, _)): (usize, &(PrimitiveKind, u32, Sides))| {
             let bounds = frame.cull_box(&columns.bounding_box(kind, index));
             let primitive = u32::try_from(primitive).expect("checked before");
-            Reference::new(&bounds, primitive, weight::<W>(columns, kind, index))
+            Reference::new(&bounds, primitive, kind as u8, weight::<W>(columns, kind, index))
         };
         let mut references = large_page_vec(items.len());
         references.par_extend(items.par_iter().enumerate().with_min_len(1024).map(reference));
