@@ -24,7 +24,7 @@ type Four = [f32; 4];
 pub(crate) struct Reference {
     /// The fourth number is the primitive's, bit by bit.
     low: Four,
-    /// The fourth is the primitive's weight, and [`LIGHTEST`] for each group before its own. It is 1 at least, so that the
+    /// The fourth is the primitive's weight, and [`TOO_HEAVY`] for each group before its own. It is 1 at least, so that the
     /// sum of both is no subnormal number: they take a hundred times longer to multiply.
     high: Four,
 }
@@ -32,7 +32,7 @@ pub(crate) struct Reference {
 /// How many groups of primitives are told apart, at most: those that lanes test together.
 const GROUPS: usize = 4;
 /// No primitive weighs as much.
-const LIGHTEST: u16 = 256;
+const TOO_HEAVY: u16 = 256;
 
 /// How much primitives take of a leaf: of the lanes of each group's block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +43,7 @@ impl Reference {
     /// least.
     pub(crate) fn new(bounds: &CullBox, primitive: u32, group: u8, weight: u8) -> Self {
         let ([x, y, z], [a, b, c]) = (bounds.low, bounds.high);
-        let load = LIGHTEST * u16::from(group) + u16::from(weight);
+        let load = TOO_HEAVY * u16::from(group) + u16::from(weight);
         Self { low: [x, y, z, f32::from_bits(primitive)], high: [a, b, c, f32::from(load)] }
     }
 
@@ -56,8 +56,8 @@ impl Reference {
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small whole number")]
     fn load(&self) -> (usize, u32) {
-        let (load, lightest) = (self.high[3] as u32, u32::from(LIGHTEST));
-        ((load / lightest) as usize % GROUPS, load % lightest)
+        let (load, too_heavy) = (self.high[3] as u32, u32::from(TOO_HEAVY));
+        ((load / too_heavy) as usize % GROUPS, load % too_heavy)
     }
 
     /// Whether its box has no thickness along an axis.
