@@ -19,6 +19,7 @@ use crate::packet::Packet;
 use crate::ray::CullRays;
 use crate::shaft::Shaft;
 use crate::shapes::Shapes;
+use crate::shear::Shearing;
 use crate::together::Question;
 use crate::trial::Trial;
 use crate::triangles::Sheared;
@@ -171,17 +172,22 @@ impl<S: Simd, const W: usize> Part<S> for Blocked<'_, W> {
                 chords.intervals(simd, &lanes.span, front, back)
             }
             PrimitiveKind::Triangle => {
-                let [a, b, c] = shapes.triangle_block(run).one(simd, place as usize, [0, 1, 2]);
-                let vertices = [lanes.shear(a), lanes.shear(b), lanes.shear(c)];
+                let [a, b, c] = shapes.triangle_block(run).vertices(place as usize);
+                let vertices = [lanes.shear(simd, a), lanes.shear(simd, b), lanes.shear(simd, c)];
                 let sheared = Sheared::of(vertices);
-                sheared.intervals(simd, lanes.rounding, &lanes.shears, &lanes.span, front, back)
+                sheared.intervals(simd, lanes.rounding(), lanes.shears(), &lanes.span, front, back)
             }
             PrimitiveKind::Cone => {
                 let rays = AxisRays::new([lanes.origin, lanes.direction], lanes.span, lanes.unit);
                 shapes.axis_block(run).intervals_of_rays(simd, place as usize, &rays, (front, back))
             }
-            // No interval without a shaft.
-            PrimitiveKind::Polygon => return 0,
+            PrimitiveKind::Polygon => match shapes.polygon_block(run) {
+                Some(block) => {
+                    let span = (&lanes.span, lanes.span.start);
+                    block.intervals(simd, place as usize, &lanes, span, (front, back))
+                }
+                None => return 0,
+            },
         };
         (at.possible & at.sure).bits()
     }

@@ -13,6 +13,7 @@ use crate::packet::{Mask, Packet};
 use crate::pairs::Pairs;
 use crate::shaft::{BoxBlock, Shaft};
 use crate::shapes::{Run, Shapes};
+use crate::shear::ShearedAlike;
 use crate::together::Question;
 use crate::traverse::Aligned;
 use crate::triangles::{Sheared, at_lane, one_of};
@@ -260,7 +261,7 @@ impl<S: Simd, const W: usize> Others<'_, S, W> {
         let Self { hittable, shapes, run } = self;
         let bounds = shapes.box_block(run).bounds(place);
         let slabs = packet.slabs(simd, shaft.unit);
-        let (mut possible, mut low) = slabs.enter(simd, bounds, packet.start, packet.ends);
+        let (possible, low) = slabs.enter(simd, bounds, packet.start, packet.ends);
         let high = simd.splat_f32(f32::INFINITY);
         if possible.any() {
             if run.kind == PrimitiveKind::Cone {
@@ -269,14 +270,14 @@ impl<S: Simd, const W: usize> Others<'_, S, W> {
                 let found = shapes.axis_block(run).intervals_of_rays(simd, place, &rays, sides);
                 let (possible, low) = (possible & found.possible, low.max(found.low));
                 return Intervals { possible, sure: possible & found.sure, low, high: found.high };
-            } else if let Some(fans) = shapes.fan_block(run) {
-                let (sides, span) = (hittable.by(simd, place, packet), packet.span());
-                let Intervals { possible: met, sure, low: nearest, high } =
-                    fans.all_intervals(simd, place, shaft, packet, sides);
-                low = low.max(nearest);
-                possible = possible & met & low.le(span.ends) & high.ge(span.start);
-                let sure = sure & low.gt(span.start_above) & high.lt(span.end_below);
-                return Intervals { possible, sure, low, high };
+            }
+            if let Some(block) = shapes.polygon_block(run) {
+                let (axes, shears) = (shaft.beam.axes, &packet.shears);
+                let rays = ShearedAlike { axes, shears, rounding: shaft.rounding };
+                let (front, back) = hittable.by(simd, place, packet);
+                let sides = (front & possible, back & possible);
+                let found = block.intervals(simd, place, &rays, (&packet.span(), low), sides);
+                return Intervals { low: low.max(found.low), ..found };
             }
         }
         Intervals { possible, sure: simd.mask_f32(0), low, high }

@@ -7,9 +7,9 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 use crate::columns::RayColumns;
 use crate::faces::{Beginning, lost};
 use crate::frame::{Frame, round_up};
-use crate::interval::SpanLanes;
+use crate::interval::{SpanLanes, splat};
 use crate::packet::narrow;
-use crate::shear::{Along, Doubles, Room, Shears, turn_axes};
+use crate::shear::{Along, Doubles, Room, Shearing, Shears, turn_axes};
 use crate::triangles::{Rounding, VERTEX_MARGIN};
 
 mod one;
@@ -123,23 +123,31 @@ pub(crate) struct PreparedLanes<S: Simd> {
     pub(crate) origin: [S::F32; 3],
     pub(crate) direction: [S::F32; 3],
     /// Each along an axis of its own.
-    pub(crate) shears: Shears<S>,
+    shears: Shears<S>,
     /// Which are sheared along the first axis, which along the last, and which against theirs.
     along_first: <S::F32 as Lanes>::Mask,
     along_last: <S::F32 as Lanes>::Mask,
     turned: <S::F32 as Lanes>::Mask,
     /// The greatest rounding of a coordinate.
     pub(crate) unit: f32,
-    pub(crate) rounding: Rounding,
+    rounding: Rounding,
     pub(crate) span: SpanLanes<S>,
 }
 
-impl<S: Simd> PreparedLanes<S> {
-    /// A vertex that is the same in every lane, sheared along each ray.
+impl<S: Simd> Shearing<S> for PreparedLanes<S> {
     #[inline(always)]
-    pub(crate) fn shear(&self, vertex: [S::F32; 3]) -> [S::F32; 3] {
-        let [x, y, z] = turn_axes(vertex, self.along_first, self.along_last, self.turned);
-        self.shears.of([x, y, z])
+    fn shears(&self) -> &Shears<S> {
+        &self.shears
+    }
+
+    #[inline(always)]
+    fn rounding(&self) -> Rounding {
+        self.rounding
+    }
+
+    #[inline(always)]
+    fn in_order(&self, simd: S, vector: [f32; 3]) -> [S::F32; 3] {
+        turn_axes(splat(simd, vector), self.along_first, self.along_last, self.turned)
     }
 }
 

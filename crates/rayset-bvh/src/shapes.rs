@@ -1,13 +1,17 @@
 //! The primitives of a hierarchy, in the order of its leaves.
 
 use rayset_geometry::{ColumnRun, Departure, PrimitiveColumns, PrimitiveKind, Side, Sides, Sphere, Triangle};
+use rayset_simd::Simd;
 
 pub(crate) use self::alone::{Anything, Content, Found, Nearest, OnlySpheres, OnlyTriangles, Traced};
 use crate::axes::AxisBlock;
+use crate::cells::PolygonCells;
 use crate::fans::FanBlock;
-use crate::interval::SphereBlock;
+use crate::interval::{Intervals, SpanLanes, SphereBlock};
+use crate::packet::Mask;
 use crate::pairs::Pairs;
 use crate::shaft::BoxBlock;
+use crate::shear::Shearing;
 use crate::triangles::TriangleBlock;
 
 mod alone;
@@ -49,6 +53,14 @@ pub(crate) struct Run {
     boxes: u32,
 }
 
+/// Polygons in single precision.
+#[derive(Clone, Debug)]
+pub(crate) enum PolygonBlock<const W: usize> {
+    Fans(FanBlock<W>),
+    /// One polygon of many vertices.
+    Cells(PolygonCells),
+}
+
 /// Primitives of any shape, each with the sides it can be hit from.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shapes<const W: usize> {
@@ -57,7 +69,7 @@ pub(crate) struct Shapes<const W: usize> {
     triangle_blocks: Vec<TriangleBlock<W>>,
     /// Which triangles of each block packets test together: apart from all that single rays read.
     pairs: Vec<Pairs>,
-    fan_blocks: Vec<FanBlock<W>>,
+    polygon_blocks: Vec<PolygonBlock<W>>,
     axis_blocks: Vec<AxisBlock<W>>,
     box_blocks: Vec<BoxBlock<W>>,
     spheres: Vec<Sphere>,
@@ -186,8 +198,8 @@ impl<const W: usize> Shapes<W> {
 
     /// The block of a run of polygons, if they have one, and of cones.
     #[inline(always)]
-    pub(crate) fn fan_block(&self, run: &Run) -> Option<&FanBlock<W>> {
-        self.fan_blocks.get(run.block as usize)
+    pub(crate) fn polygon_block(&self, run: &Run) -> Option<&PolygonBlock<W>> {
+        self.polygon_blocks.get(run.block as usize)
     }
 
     #[inline(always)]
@@ -206,7 +218,8 @@ impl<const W: usize> Shapes<W> {
             + size_of_val(&self.sphere_blocks[..])
             + size_of_val(&self.triangle_blocks[..])
             + size_of_val(&self.pairs[..])
-            + size_of_val(&self.fan_blocks[..])
+            + size_of_val(&self.polygon_blocks[..])
+            + self.polygon_blocks.iter().map(PolygonBlock::more_bytes).sum::<usize>()
             + size_of_val(&self.axis_blocks[..])
             + size_of_val(&self.box_blocks[..])
             + size_of_val(&self.spheres[..])
@@ -214,6 +227,33 @@ impl<const W: usize> Shapes<W> {
             + size_of_val(&self.places[..])
             + self.numbers.iter().map(|numbers| size_of_val(&numbers[..])).sum::<usize>()
             + self.columns.bytes()
+    }
+}
+
+impl<const W: usize> PolygonBlock<W> {
+    /// Where rays, a lane each, hit the polygon at a place, which is `from` so far on, and whose front and back may be hit by
+    /// some.
+    #[inline(always)]
+    pub(crate) fn intervals<S: Simd>(
+        &self,
+        simd: S,
+        place: usize,
+        rays: &impl Shearing<S>,
+        (span, from): (&SpanLanes<S>, S::F32),
+        sides: (Mask<S>, Mask<S>),
+    ) -> Intervals<S> {
+        match self {
+            Self::Fans(fans) => fans.all_intervals(simd, place, rays, (span, from), sides),
+            Self::Cells(cells) => cells.intervals(simd, rays, span, sides),
+        }
+    }
+
+    /// How many bytes it takes beside its own.
+    fn more_bytes(&self) -> usize {
+        match self {
+            Self::Fans(_) => 0,
+            Self::Cells(cells) => cells.more_bytes(),
+        }
     }
 }
 

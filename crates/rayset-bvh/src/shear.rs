@@ -10,8 +10,9 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Simd};
 
 use crate::columns::RayColumns;
 use crate::frame::Frame;
+use crate::interval::splat;
 use crate::ray::SINGLE;
-use crate::triangles::DISTANCE_MARGIN;
+use crate::triangles::{DISTANCE_MARGIN, Rounding};
 
 /// How many parts of double precision make the lanes of single precision, at most.
 pub(crate) const MOST_PARTS: usize = 8;
@@ -51,6 +52,49 @@ pub(crate) struct Along {
     pub(crate) first: u32,
     pub(crate) last: u32,
     pub(crate) turned: u32,
+}
+
+/// Rays, a lane each, and how they are sheared: all along one axis, or each along its own.
+pub(crate) trait Shearing<S: Simd> {
+    fn shears(&self) -> &Shears<S>;
+
+    /// How far tests of what is sheared may be off.
+    fn rounding(&self) -> Rounding;
+
+    /// A vector, its axes in the order of each ray's shear.
+    fn in_order(&self, simd: S, vector: [f32; 3]) -> [S::F32; 3];
+
+    /// A point, sheared along each ray.
+    #[inline(always)]
+    fn shear(&self, simd: S, point: [f32; 3]) -> [S::F32; 3] {
+        self.shears().of(self.in_order(simd, point))
+    }
+}
+
+/// Rays, a lane each, that are sheared along one axis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ShearedAlike<'a, S: Simd> {
+    pub(crate) axes: [usize; 3],
+    pub(crate) shears: &'a Shears<S>,
+    pub(crate) rounding: Rounding,
+}
+
+impl<S: Simd> Shearing<S> for ShearedAlike<'_, S> {
+    #[inline(always)]
+    fn shears(&self) -> &Shears<S> {
+        self.shears
+    }
+
+    #[inline(always)]
+    fn rounding(&self) -> Rounding {
+        self.rounding
+    }
+
+    #[inline(always)]
+    fn in_order(&self, simd: S, vector: [f32; 3]) -> [S::F32; 3] {
+        let [x, y, z] = self.axes;
+        splat(simd, [vector[x], vector[y], vector[z]])
+    }
 }
 
 impl<S: Simd> Shears<S> {

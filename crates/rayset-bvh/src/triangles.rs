@@ -44,6 +44,14 @@ impl<const W: usize> TriangleBlock<W> {
         std::array::from_fn(|k| self.vertices[3 * vertex + k][lane])
     }
 
+    /// The vertices of a lane.
+    #[inline(always)]
+    pub(crate) fn vertices(&self, lane: usize) -> [[f32; 3]; 3] {
+        let [ax, ay, az, bx, by, bz, cx, cy, cz] = &self.vertices;
+        let lane = lane % W;
+        [[ax[lane], ay[lane], az[lane]], [bx[lane], by[lane], bz[lane]], [cx[lane], cy[lane], cz[lane]]]
+    }
+
     /// Turns a triangle so that it begins with one of its vertices.
     pub(crate) fn turn(&mut self, lane: usize, first: usize) {
         let vertices = [0, 1, 2].map(|vertex| self.at(lane, (first + vertex) % 3));
@@ -190,13 +198,6 @@ impl<S: Simd> Sheared<S> {
     fn distances(&self, shears: &Shears<S>) -> [S::F32; 3] {
         let [[_, _, a], [_, _, b], [_, _, c]] = self.vertices;
         [shears.distance(a), shears.distance(b), shears.distance(c)]
-    }
-
-    /// Between which distances the vertices lie, each as good as [`Rounding::of_distances`] says.
-    #[inline(always)]
-    pub(crate) fn within(&self, shears: &Shears<S>) -> [S::F32; 2] {
-        let [a, b, c] = self.distances(shears);
-        [a.min(b).min(c), a.max(b).max(c)]
     }
 
     /// Where the rays hit the triangles, of which the front and the back may be hit by some.

@@ -3,11 +3,14 @@
 use rayset_geometry::{ColumnRun, Departure, PrimitiveKind, Probe, Side, Sides};
 use rayset_simd::{LaneMask, Lanes, Scalar, Simd};
 
-use super::{Hit, NO_BLOCK, Run, Shapes};
+use super::{Hit, PolygonBlock, Run, Shapes};
+use crate::cells::PolygonCells;
 use crate::columns::RayOf;
 use crate::exact::{Sure, record_of};
-use crate::interval::Intervals;
+use crate::fans::{Candidate, FanBlock};
+use crate::interval::{Intervals, SpanLanes};
 use crate::ray::CullRay;
+use crate::shear::ShearedAlike;
 
 /// What kinds of primitives there are, known when a traversal is compiled: what is not there is not prepared for.
 ///
@@ -120,10 +123,11 @@ impl<const W: usize> Shapes<W> {
         (front, back)
     }
 
-    /// The exact distance to a sphere, a triangle or a cone.
+    /// The exact distance to a primitive.
     #[inline(always)]
-    fn exact<C: Content>(
+    fn exact<S: Simd, C: Content>(
         &self,
+        simd: S,
         ray: &Traced<'_, W>,
         kind: PrimitiveKind,
         index: u32,
@@ -133,8 +137,11 @@ impl<const W: usize> Shapes<W> {
             Some(departure) if departure.kind == kind && departure.index == index => Some(departure.side),
             _ => None,
         };
-        if C::OTHERS && kind == PrimitiveKind::Cone {
-            return self.exact_cone(ray, index, sides);
+        if C::OTHERS && matches!(kind, PrimitiveKind::Cone | PrimitiveKind::Polygon) {
+            // A function of its own: loops that seldom come here keep their registers.
+            let (exact, span) = ray.ray.read();
+            let sure = Sure { kind, index, sides };
+            return self.exact_alone(simd, (&exact, span), ray.departure, &sure).map(|hit| hit.t);
         }
         let is_sphere = !C::TRIANGLES || (C::SPHERES && kind == PrimitiveKind::Sphere);
         if is_sphere {
@@ -143,13 +150,6 @@ impl<const W: usize> Shapes<W> {
         } else {
             self.triangles[index as usize].intersect(&ray.probe(Scalar, true), sides, departure)
         }
-    }
-
-    /// A function of its own: loops that seldom come here keep their registers.
-    #[inline(never)]
-    fn exact_cone(&self, ray: &Traced<'_, W>, index: u32, sides: Sides) -> Option<f64> {
-        let one = ColumnRun { kind: PrimitiveKind::Cone, sides, range: index..index + 1 };
-        self.columns.nearest(&ray.probe(Scalar, false), &one, ray.departure).map(|hit| hit.t)
     }
 
     #[inline(always)]
@@ -173,12 +173,17 @@ impl<const W: usize> Shapes<W> {
 
     /// The hit that was known by an interval only.
     #[inline(always)]
-    pub(crate) fn resolve<C: Content>(&self, ray: &Traced<'_, W>, nearest: Nearest) -> Option<Hit> {
+    pub(crate) fn resolve<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        ray: &Traced<'_, W>,
+        nearest: Nearest,
+    ) -> Option<Hit> {
         match nearest.found {
             Found::Nothing => None,
             Found::At(hit) => Some(hit),
             Found::Sure(Sure { kind, index, sides }) => {
-                let t = self.exact::<C>(ray, kind, index, sides);
+                let t = self.exact::<S, C>(simd, ray, kind, index, sides);
                 debug_assert!(t.is_some(), "a sure hit is one");
                 let primitive = self.numbers[kind as usize][index as usize];
                 t.map(|t| Hit { t, primitive })
@@ -206,13 +211,20 @@ impl<const W: usize> Shapes<W> {
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
                     self.nearest_in_block::<S, C>(simd, i, ray, nearest, end);
                 }
-                PrimitiveKind::Polygon if run.block != NO_BLOCK => {
-                    self.nearest_in_fans::<S, C>(simd, run, ray, nearest, end);
+                PrimitiveKind::Polygon => match self.polygon_block(run) {
+                    Some(PolygonBlock::Fans(fans)) => {
+                        self.nearest_in_fans::<S, C>(simd, (run, fans), ray, nearest, end);
+                    }
+                    Some(PolygonBlock::Cells(cells)) => {
+                        let found = Self::in_cells(simd, (run, cells), ray, *end);
+                        self.nearest_of::<S, C>(simd, run, &found, ray, nearest, end);
+                    }
+                    None => self.nearest_in_columns::<S, C>(simd, &run.columns(), ray, nearest, end),
+                },
+                PrimitiveKind::Cone => {
+                    let found = self.in_axes(simd, run, ray, *end);
+                    self.nearest_of::<S, C>(simd, run, &found, ray, nearest, end);
                 }
-                PrimitiveKind::Polygon => {
-                    self.nearest_in_columns::<S, C>(simd, &run.columns(), ray, nearest, end);
-                }
-                PrimitiveKind::Cone => self.nearest_in_axes::<S, C>(simd, run, ray, nearest, end),
             }
             if !run.goes_on {
                 return;
@@ -256,17 +268,24 @@ impl<const W: usize> Shapes<W> {
                 let sure = Sure { kind: run.kind, index, sides: run.sides };
                 *nearest = Nearest { low, found: Found::Sure(sure) };
                 *end = high;
-            } else if let Some(t) = self.exact::<C>(ray, run.kind, index, run.sides) {
+            } else if let Some(t) = self.exact::<S, C>(simd, ray, run.kind, index, run.sides) {
                 let primitive = self.numbers[run.kind as usize][index as usize];
-                self.offer::<C>(ray, nearest, end, Hit { t, primitive });
+                self.offer::<S, C>(simd, ray, nearest, end, Hit { t, primitive });
             }
         }
     }
 
     /// Keeps the nearer of an exact hit and the nearest so far.
     #[inline(always)]
-    fn offer<C: Content>(&self, ray: &Traced<'_, W>, nearest: &mut Nearest, end: &mut f32, hit: Hit) {
-        let hit = match self.resolve::<C>(ray, *nearest) {
+    fn offer<S: Simd, C: Content>(
+        &self,
+        simd: S,
+        ray: &Traced<'_, W>,
+        nearest: &mut Nearest,
+        end: &mut f32,
+        hit: Hit,
+    ) {
+        let hit = match self.resolve::<S, C>(simd, ray, *nearest) {
             Some(best) if !hit.precedes(&best) => best,
             _ => hit,
         };
@@ -294,9 +313,14 @@ impl<const W: usize> Shapes<W> {
                 PrimitiveKind::Sphere | PrimitiveKind::Triangle => {
                     self.any_in_block::<S, C>(simd, i, ray, end, blocker)
                 }
-                PrimitiveKind::Polygon if run.block != NO_BLOCK => self.any_in_fans(simd, run, ray, end),
-                PrimitiveKind::Polygon => self.any_in_columns(simd, &run.columns(), ray),
-                PrimitiveKind::Cone => self.any_in_axes(simd, i, ray, end, blocker),
+                PrimitiveKind::Polygon => match self.polygon_block(run) {
+                    Some(PolygonBlock::Fans(fans)) => self.any_in_fans(simd, (i, fans), ray, end, blocker),
+                    Some(PolygonBlock::Cells(cells)) => {
+                        self.any_of(simd, i, &Self::in_cells(simd, (run, cells), ray, end), ray, blocker)
+                    }
+                    None => self.any_in_columns(simd, &run.columns(), ray),
+                },
+                PrimitiveKind::Cone => self.any_of(simd, i, &self.in_axes(simd, run, ray, end), ray, blocker),
             };
             if is_hit || !run.goes_on {
                 return is_hit;
@@ -324,7 +348,7 @@ impl<const W: usize> Shapes<W> {
         while bits != 0 {
             let lane = bits.trailing_zeros();
             bits &= bits - 1;
-            if self.exact::<C>(ray, run.kind, run.first + lane, run.sides).is_some() {
+            if self.exact::<S, C>(simd, ray, run.kind, run.first + lane, run.sides).is_some() {
                 *blocker = Some(record_of(i, lane));
                 return true;
             }
@@ -345,7 +369,7 @@ impl<const W: usize> Shapes<W> {
         let is_flat = run.kind == PrimitiveKind::Polygon;
         if let Some(hit) = self.columns.nearest(&ray.probe(simd, is_flat), run, ray.departure) {
             let primitive = self.numbers[run.kind as usize][hit.index as usize];
-            self.offer::<C>(ray, nearest, end, Hit { t: hit.t, primitive });
+            self.offer::<S, C>(simd, ray, nearest, end, Hit { t: hit.t, primitive });
         }
     }
 
@@ -356,17 +380,42 @@ impl<const W: usize> Shapes<W> {
         self.columns.any(&ray.probe(simd, is_flat), run, ray.departure).is_some()
     }
 
+    /// Where a ray hits the cones of a run.
     #[inline(always)]
-    fn nearest_in_axes<S: Simd, C: Content>(
+    fn in_axes<S: Simd>(&self, simd: S, run: &Run, ray: &Traced<'_, W>, end: f32) -> Intervals<S> {
+        self.axis_block(run).intervals(simd, ray.cull, end, Self::allowed(run, ray.departure))
+    }
+
+    /// Where a ray hits the one polygon of a run.
+    #[inline(always)]
+    fn in_cells<S: Simd>(
+        simd: S,
+        (run, cells): (&Run, &PolygonCells),
+        ray: &Traced<'_, W>,
+        end: f32,
+    ) -> Intervals<S> {
+        if run.is_left_by(ray.departure) {
+            return Intervals::none(simd);
+        }
+        let cull = ray.cull;
+        let rays = ShearedAlike { axes: cull.axes, shears: &cull.shears(simd), rounding: cull.rounding() };
+        // The one lane of all that are the same.
+        let (front, back) = (run.sides != Sides::Back, run.sides != Sides::Front);
+        let sides = (simd.mask_f32(front.into()), simd.mask_f32(back.into()));
+        cells.intervals(simd, &rays, &SpanLanes::of(simd, cull, end), sides)
+    }
+
+    /// Keeps the nearest of a hit and those of a run that are found: surely, or by their `f64` tests.
+    #[inline(always)]
+    fn nearest_of<S: Simd, C: Content>(
         &self,
         simd: S,
         run: &Run,
+        found: &Intervals<S>,
         ray: &Traced<'_, W>,
         nearest: &mut Nearest,
         end: &mut f32,
     ) {
-        let block = &self.axis_blocks[run.block as usize];
-        let found = block.intervals(simd, ray.cull, *end, Self::allowed(run, ray.departure));
         if !found.possible.any() {
             return;
         }
@@ -395,18 +444,17 @@ impl<const W: usize> Shapes<W> {
         }
     }
 
+    /// Whether anything of a run is hit that is found.
     #[inline(always)]
-    fn any_in_axes<S: Simd>(
+    fn any_of<S: Simd>(
         &self,
         simd: S,
         i: usize,
+        found: &Intervals<S>,
         ray: &Traced<'_, W>,
-        end: f32,
         blocker: &mut Option<u32>,
     ) -> bool {
         let run = &self.runs[i];
-        let block = &self.axis_blocks[run.block as usize];
-        let found = block.intervals(simd, ray.cull, end, Self::allowed(run, ray.departure));
         if found.sure.any() {
             *blocker = Some(record_of(i, found.sure.bits().trailing_zeros()));
             return true;
@@ -426,7 +474,7 @@ impl<const W: usize> Shapes<W> {
     fn nearest_in_fans<S: Simd, C: Content>(
         &self,
         simd: S,
-        run: &Run,
+        (run, block): (&Run, &FanBlock<W>),
         ray: &Traced<'_, W>,
         nearest: &mut Nearest,
         end: &mut f32,
@@ -434,33 +482,43 @@ impl<const W: usize> Shapes<W> {
         if run.is_left_by(ray.departure) {
             return;
         }
-        let block = &self.fan_blocks[run.block as usize];
         let Some(mut fans) = block.test(simd, ray.cull) else { return };
         while let Some(polygon) = block.next(&mut fans) {
-            if polygon.low > *end || polygon.high < ray.cull.start() {
+            let one = run.column(polygon.place);
+            if polygon.low > *end || Self::is_passed(&polygon, &one, ray) {
                 continue;
             }
-            self.nearest_in_columns::<S, C>(simd, &run.column(polygon.place), ray, nearest, end);
+            if polygon.high < nearest.low && Self::is_sure(&polygon, run.sides, ray.cull) {
+                let sure = Sure { kind: run.kind, index: one.range.start, sides: run.sides };
+                *nearest = Nearest { low: polygon.low, found: Found::Sure(sure) };
+                *end = polygon.high;
+            } else {
+                self.nearest_in_columns::<S, C>(simd, &one, ray, nearest, end);
+            }
         }
     }
 
     #[inline(always)]
-    fn any_in_fans<S: Simd>(&self, simd: S, run: &Run, ray: &Traced<'_, W>, end: f32) -> bool {
+    fn any_in_fans<S: Simd>(
+        &self,
+        simd: S,
+        (i, block): (usize, &FanBlock<W>),
+        ray: &Traced<'_, W>,
+        end: f32,
+        blocker: &mut Option<u32>,
+    ) -> bool {
+        let run = &self.runs[i];
         if run.is_left_by(ray.departure) {
             return false;
         }
-        let block = &self.fan_blocks[run.block as usize];
         let Some(mut fans) = block.test(simd, ray.cull) else { return false };
         while let Some(polygon) = block.next(&mut fans) {
             let one = run.column(polygon.place);
-            // A plane is never met again by a ray that leaves it.
-            let is_left = ray.departure.is_some_and(|d| d.kind == run.kind && d.index == one.range.start);
-            if is_left || polygon.low > end || polygon.high < ray.cull.start() {
+            if polygon.low > end || Self::is_passed(&polygon, &one, ray) {
                 continue;
             }
-            let is_met = (polygon.is_front && run.sides != Sides::Back)
-                || (polygon.is_back && run.sides != Sides::Front);
-            if is_met && polygon.low > ray.cull.start_above() && polygon.high < ray.cull.end_below() {
+            if Self::is_sure(&polygon, run.sides, ray.cull) {
+                *blocker = Some(record_of(i, polygon.place));
                 return true;
             }
             if self.any_in_columns(simd, &one, ray) {
@@ -468,5 +526,19 @@ impl<const W: usize> Shapes<W> {
             }
         }
         false
+    }
+
+    /// Whether a ray has a polygon behind it, or leaves it: a plane is never met again.
+    #[inline(always)]
+    fn is_passed(polygon: &Candidate, one: &ColumnRun, ray: &Traced<'_, W>) -> bool {
+        polygon.high < ray.cull.start()
+            || ray.departure.is_some_and(|d| d.kind == one.kind && d.index == one.range.start)
+    }
+
+    /// Whether a ray that does not leave a polygon surely hits it.
+    #[inline(always)]
+    fn is_sure(polygon: &Candidate, sides: Sides, cull: CullRay<'_, W>) -> bool {
+        let is_met = (polygon.is_front && sides != Sides::Back) || (polygon.is_back && sides != Sides::Front);
+        is_met && polygon.low > cull.start_above() && polygon.high < cull.end_below()
     }
 }

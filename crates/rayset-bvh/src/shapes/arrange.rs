@@ -7,9 +7,10 @@ use rayset_geometry::glam::DVec3;
 use rayset_geometry::{PrimitiveColumns, PrimitiveKind, Sides};
 use rayset_simd::large_page_vec;
 
-use super::{NO_BLOCK, Place, Run, Shapes};
+use super::{NO_BLOCK, Place, PolygonBlock, Run, Shapes};
 use crate::axes::AxisBlock;
 use crate::build::Reference;
+use crate::cells::PolygonCells;
 use crate::fans::{FanBlock, fan_len};
 use crate::frame::Frame;
 use crate::interval::SphereBlock;
@@ -136,12 +137,12 @@ impl<const W: usize> Shapes<W> {
         let block = match kind {
             PrimitiveKind::Sphere => self.sphere_blocks.len(),
             PrimitiveKind::Triangle => self.triangle_blocks.len(),
-            PrimitiveKind::Polygon => self.fan_blocks.len(),
+            PrimitiveKind::Polygon => self.polygon_blocks.len(),
             PrimitiveKind::Cone => self.axis_blocks.len(),
         };
         let has_block = match kind {
             PrimitiveKind::Sphere | PrimitiveKind::Triangle | PrimitiveKind::Cone => true,
-            PrimitiveKind::Polygon => self.push_fans(frame, source, items, members),
+            PrimitiveKind::Polygon => self.push_polygons(frame, source, items, members),
         };
         let len = u16::try_from(members.len()).expect("a leaf is small");
         let block_index = if has_block { index_of(block) } else { NO_BLOCK };
@@ -189,26 +190,42 @@ impl<const W: usize> Shapes<W> {
         }
     }
 
-    /// Puts polygons into a block, if all have a fan.
-    fn push_fans(
+    /// Puts polygons into a block, if there is one for them.
+    fn push_polygons(
         &mut self,
         frame: &Frame,
         source: &PrimitiveColumns,
         items: &[(PrimitiveKind, u32, Sides)],
         members: &[u32],
     ) -> bool {
-        let mut block = FanBlock::EMPTY;
-        let mut lane = 0;
-        for (place, &number) in members.iter().enumerate() {
-            let vertices = source.polygon_vertices(items[number as usize].1);
-            if fan_len(vertices.len(), W - lane).is_none() {
-                return false;
-            }
-            lane = block.set(lane, place, &vertices, frame);
-        }
-        self.fan_blocks.push(block);
-        true
+        let block = polygon_block(frame, source, items, members);
+        let has_block = block.is_some();
+        self.polygon_blocks.extend(block);
+        has_block
     }
+}
+
+/// A block of polygons: of one that has no fan, its cells, if they can tell anything.
+fn polygon_block<const W: usize>(
+    frame: &Frame,
+    source: &PrimitiveColumns,
+    items: &[(PrimitiveKind, u32, Sides)],
+    members: &[u32],
+) -> Option<PolygonBlock<W>> {
+    let mut block = FanBlock::EMPTY;
+    let mut lane = 0;
+    for (place, &number) in members.iter().enumerate() {
+        let index = items[number as usize].1;
+        let normal = source.normal_at(PrimitiveKind::Polygon, index, DVec3::ZERO);
+        let points: Vec<DVec3> =
+            source.polygon_vertices(index).into_iter().map(|vertex| frame.point(vertex)).collect();
+        if fan_len(points.len(), W - lane).is_none() {
+            let is_alone = members.len() == 1;
+            return PolygonCells::of(&points, normal, frame).filter(|_| is_alone).map(PolygonBlock::Cells);
+        }
+        lane = block.set(lane, place, &points, normal);
+    }
+    Some(PolygonBlock::Fans(block))
 }
 
 /// What an iterator gives, in large pages.
