@@ -20,6 +20,9 @@ pub const PLACE_MARGIN: f32 = 40.0;
 /// What it may be off besides, in how far vertices lie off the plane.
 const OFF_PLANE: f32 = 3.5;
 
+/// How often what a ray straight across the plane may be off has to go into how near edges leave cells in doubt: rays
+/// that cross it slanting are off by more, and are not known there.
+const WORTH: f64 = 4.0;
 /// How many columns and rows of cells there are.
 const SIDE: u8 = 64;
 /// How near to a cell an edge leaves it in doubt, in cells: what the place in it may be off.
@@ -66,7 +69,7 @@ impl PolygonCells {
         let rounding = PLACE_MARGIN * VERTEX_MARGIN * SINGLE * frame.reach;
         // What a ray straight across the plane is off by.
         let least_off = f64::from(rounding + OFF_PLANE * plane.off);
-        if near <= least_off {
+        if near <= WORTH * least_off {
             return None;
         }
         let starts = [0, 1].map(|i| 1.0 - low[across[i]] / widths[i]);
@@ -150,8 +153,8 @@ impl PolygonCells {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "all of it lies on the cells")]
 fn rows_of(outline: &[[f64; 2]], turn: i32, doubt: f64) -> [Row; SIDE as usize] {
     let mut rows = [Row { known: u64::MAX, inside: 0 }; SIDE as usize];
-    // Where each edge crosses the middle of rows, and which way.
-    let mut crossings: [Vec<(f64, i32)>; SIDE as usize] = [const { Vec::new() }; SIDE as usize];
+    // How much more often than the column before each column of a row is wound round, in its middle.
+    let mut steps = [[0; SIDE as usize]; SIDE as usize];
     let last = f64::from(SIDE - 1);
     let index = |place: f64| place.floor().clamp(0.0, last) as usize;
     for (i, &p) in outline.iter().enumerate() {
@@ -169,22 +172,15 @@ fn rows_of(outline: &[[f64; 2]], turn: i32, doubt: f64) -> [Row; SIDE as usize] 
             let (left, right) = (index(ends[0].min(ends[1]) - doubt), index(ends[0].max(ends[1]) + doubt));
             rows[y].known &= !((u64::MAX >> (63 - (right - left))) << left);
             if low[1] <= middle && middle < high[1] {
-                crossings[y].push((at(middle), if q[1] > p[1] { 1 } else { -1 }));
+                // What goes upwards has its inside on the left.
+                steps[y][index(at(middle) + 0.5)] += if q[1] > p[1] { -1 } else { 1 };
             }
         }
     }
-    for (row, crossings) in rows.iter_mut().zip(&mut crossings) {
-        crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut winding, mut next) = (0, 0);
-        for column in 0..SIDE {
-            let middle = f64::from(column) + 0.5;
-            while let Some(&(x, upwards)) = crossings.get(next)
-                && x < middle
-            {
-                // What crosses upwards has the outline's inside on its left.
-                winding -= upwards;
-                next += 1;
-            }
+    for (row, steps) in rows.iter_mut().zip(&steps) {
+        let mut winding = 0;
+        for (column, step) in steps.iter().enumerate() {
+            winding += step;
             let bit = 1 << column;
             if winding == turn {
                 row.inside |= bit;

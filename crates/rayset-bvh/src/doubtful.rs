@@ -246,7 +246,7 @@ impl Tested<'_> {
         let Some(mut shaft) = Shaft::around(simd, &mut packet, units, &approach) else { return };
         shaft.rounding = shaft.rounding.times(aimed.factor);
         let packet = &packet[0];
-        let (axes, shears) = (shaft.beam.axes, &packet.shears);
+        let (axes, shears) = (shaft.beam.axes, packet.shears);
         let rays = ShearedAlike { axes, shears, rounding: shaft.rounding };
         let sides = masks(simd, sides, u32::MAX >> (32 - W));
         let at = block.intervals(simd, 3, &rays, (&packet.span(), packet.start), sides);
@@ -276,8 +276,7 @@ fn alone<S: Simd, const W: usize>(
             Some((polygon.low, polygon.high, is_met && is_within))
         }
         PolygonBlock::Cells(cells) => {
-            let rays =
-                ShearedAlike { axes: cull.axes, shears: &cull.shears(simd), rounding: cull.rounding() };
+            let rays = cull.sheared(simd);
             let span = SpanLanes::of(simd, cull, cull.end_above());
             let at = cells.intervals(simd, &rays, &span, masks(simd, sides, 1));
             at.possible.any().then(|| interval(&at, 0, at.sure.any()))

@@ -272,7 +272,7 @@ impl<S: Simd, const W: usize> Others<'_, S, W> {
                 return Intervals { possible, sure: possible & found.sure, low, high: found.high };
             }
             if let Some(block) = shapes.polygon_block(run) {
-                let (axes, shears) = (shaft.beam.axes, &packet.shears);
+                let (axes, shears) = (shaft.beam.axes, packet.shears);
                 let rays = ShearedAlike { axes, shears, rounding: shaft.rounding };
                 let (front, back) = hittable.by(simd, place, packet);
                 let sides = (front & possible, back & possible);

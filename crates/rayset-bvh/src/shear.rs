@@ -73,16 +73,16 @@ pub(crate) trait Shearing<S: Simd> {
 
 /// Rays, a lane each, that are sheared along one axis.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ShearedAlike<'a, S: Simd> {
+pub(crate) struct ShearedAlike<S: Simd> {
     pub(crate) axes: [usize; 3],
-    pub(crate) shears: &'a Shears<S>,
+    pub(crate) shears: Shears<S>,
     pub(crate) rounding: Rounding,
 }
 
-impl<S: Simd> Shearing<S> for ShearedAlike<'_, S> {
+impl<S: Simd> Shearing<S> for ShearedAlike<S> {
     #[inline(always)]
     fn shears(&self) -> &Shears<S> {
-        self.shears
+        &self.shears
     }
 
     #[inline(always)]

@@ -5,7 +5,7 @@ use rayset_simd::Simd;
 use super::CullRays;
 use crate::frame::round_down;
 use crate::interval::splat;
-use crate::shear::Shears;
+use crate::shear::{ShearedAlike, Shears};
 use crate::triangles::Rounding;
 
 /// One of prepared rays. What is asked of it is read where it stands: few rays ask for everything.
@@ -79,6 +79,12 @@ impl<const W: usize> CullRay<'_, W> {
     pub(crate) fn shears<S: Simd>(self, simd: S) -> Shears<S> {
         let [factors, crossings] = [self.of(&self.rays.factors), self.of(&self.rays.crossings)];
         Shears { factors: splat(simd, factors), crossings: splat(simd, crossings) }
+    }
+
+    /// The ray as one that is sheared, the same in every lane.
+    #[inline(always)]
+    pub(crate) fn sheared<S: Simd>(self, simd: S) -> ShearedAlike<S> {
+        ShearedAlike { axes: self.axes, shears: self.shears(simd), rounding: self.rounding() }
     }
 
     /// How far tests of flat shapes may be off.

@@ -10,7 +10,6 @@ use crate::exact::{Sure, record_of};
 use crate::fans::{Candidate, FanBlock};
 use crate::interval::{Intervals, SpanLanes};
 use crate::ray::CullRay;
-use crate::shear::ShearedAlike;
 
 /// What kinds of primitives there are, known when a traversal is compiled: what is not there is not prepared for.
 ///
@@ -398,7 +397,7 @@ impl<const W: usize> Shapes<W> {
             return Intervals::none(simd);
         }
         let cull = ray.cull;
-        let rays = ShearedAlike { axes: cull.axes, shears: &cull.shears(simd), rounding: cull.rounding() };
+        let rays = cull.sheared(simd);
         // The one lane of all that are the same.
         let (front, back) = (run.sides != Sides::Back, run.sides != Sides::Front);
         let sides = (simd.mask_f32(front.into()), simd.mask_f32(back.into()));
