@@ -275,10 +275,31 @@ impl Few {
         range: Range<usize>,
         places: &mut [Q::Answer],
     ) {
+        if chosen.len == 0 {
+            places[range].fill(Q::UNKNOWN);
+        } else if columns.left.is_empty() {
+            self.ask_of::<S, Q, false>(simd, chosen, question, columns, range, places);
+        } else {
+            self.ask_of::<S, Q, true>(simd, chosen, question, columns, range, places);
+        }
+    }
+
+    /// The same, of rays that may leave something, or leave nothing.
+    #[inline(always)]
+    fn ask_of<S: Simd, Q: OfFew, const LEAVE: bool>(
+        &self,
+        simd: S,
+        chosen: Chosen,
+        question: Q,
+        columns: &RayColumns<'_>,
+        range: Range<usize>,
+        places: &mut [Q::Answer],
+    ) {
         let lanes = S::F64::LANES;
         let Range { start: mut first, end } = range;
         assert!(end <= columns.len() && end <= places.len(), "there are these rays");
-        let chosen = &chosen.places[..chosen.len];
+        let Chosen { places: mut order, len: n } = chosen;
+        let all = u32::MAX >> (32 - lanes);
         let zero = simd.splat_f64(0.0);
         while first < end && first + lanes <= columns.len() {
             let mut rays = RayLanes { origin: [zero; 3], direction: [zero; 3] };
@@ -289,19 +310,25 @@ impl Few {
             // A ray is a half-line.
             let start = simd.load_f64(&columns.spans.0[first..]);
             let span = [zero.select(start.lt(zero), start), simd.load_f64(&columns.spans.1[first..])];
-            let left = LeftBy::of(simd, columns, first, lanes);
+            let left = if LEAVE { Some(LeftBy::of(simd, columns, first)) } else { None };
             let mut known = question.nothing(simd);
-            for &place in chosen {
-                let FewSphere { sphere, sides, number } = &self.spheres[place];
-                let (leaving, outwards) = left.by(simd, *number);
+            for i in 0..n {
+                let FewSphere { sphere, sides, number } = &self.spheres[order[i % FEW]];
+                let (leaving, outwards) = left.as_ref().map_or((0, 0), |left| left.by(simd, *number));
                 let front = if *sides == Sides::Back { 0 } else { !leaving };
                 let back = if *sides == Sides::Front { 0 } else { !outwards };
+                if LEAVE && (front | back) & all == 0 {
+                    // As of rays that all leave it: they never meet it again.
+                    continue;
+                }
                 let center = sphere.center();
                 let center = [simd.splat_f64(center.x), simd.splat_f64(center.y), simd.splat_f64(center.z)];
                 let sphere = (center, simd.splat_f64(sphere.radius()));
                 let allowed = (simd.mask_f64(front), simd.mask_f64(back));
                 let hit = Sphere::intersect_pairs(simd, &rays, span, sphere, allowed);
                 if question.take(simd, &mut known, hit, *number) {
+                    // What answers these rays may well answer the next.
+                    order.swap(0, i % FEW);
                     break;
                 }
             }
@@ -313,7 +340,7 @@ impl Few {
         for (i, place) in (first..end).zip(&mut places[first..]) {
             let (ray, span) = columns.ray(i);
             let left = columns.left(i);
-            let spheres = chosen.iter().map(|&place| &self.spheres[place]);
+            let spheres = order[..n].iter().map(|&place| &self.spheres[place]);
             *place = question.one(spheres.filter_map(|FewSphere { sphere, sides, number }| {
                 let departure = left.filter(|left| left.0 == *number).map(|left| left.1);
                 let t = sphere.intersect(&ray, span, *sides, departure)?;
@@ -328,27 +355,21 @@ struct LeftBy {
     primitives: [u32; MAX_LANES],
     /// The lanes that leave something into its front.
     front: u32,
-    leaves: bool,
 }
 
 impl LeftBy {
     #[inline(always)]
-    fn of<S: Simd>(simd: S, columns: &RayColumns<'_>, first: usize, lanes: usize) -> Self {
+    fn of<S: Simd>(simd: S, columns: &RayColumns<'_>, first: usize) -> Self {
         let mut left = [Left::NOTHING; MAX_LANES];
-        let leaves = !columns.left.is_empty();
-        if leaves {
-            left[..lanes].copy_from_slice(&columns.left[first..first + lanes]);
-        }
+        let lanes = S::F64::LANES;
+        left[..lanes].copy_from_slice(&columns.left[first..first + lanes]);
         let (primitives, front) = Left::split(simd, &left);
-        Self { primitives, front, leaves }
+        Self { primitives, front }
     }
 
     /// The lanes that leave a primitive, and those that do so into its front.
     #[inline(always)]
     fn by<S: Simd>(&self, simd: S, number: u32) -> (u32, u32) {
-        if !self.leaves {
-            return (0, 0);
-        }
         let leaving = simd.equal_u32(&self.primitives, number).bits();
         (leaving, leaving & self.front)
     }
