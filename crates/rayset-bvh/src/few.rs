@@ -72,7 +72,8 @@ pub(crate) trait OfFew: OfRay {
         hit: (<S::F64 as Lanes>::Mask, S::F64),
         number: u32,
     ) -> bool;
-    fn write<S: Simd>(self, known: &Self::Known<S>, places: &mut [Self::Answer]);
+    /// Writes what is known of the rays in lanes from one on, as many as there are places.
+    fn write<S: Simd>(self, known: &Self::Known<S>, lane: usize, places: &mut [Self::Answer]);
     /// The answer to one ray, by its hits in increasing order of numbers.
     fn one(self, hits: impl Iterator<Item = Hit>) -> Self::Answer;
 }
@@ -289,7 +290,7 @@ impl Few {
     fn ask_of<S: Simd, Q: OfFew, const LEAVE: bool>(
         &self,
         simd: S,
-        chosen: Chosen,
+        mut chosen: Chosen,
         question: Q,
         columns: &RayColumns<'_>,
         range: Range<usize>,
@@ -298,55 +299,76 @@ impl Few {
         let lanes = S::F64::LANES;
         let Range { start: mut first, end } = range;
         assert!(end <= columns.len() && end <= places.len(), "there are these rays");
-        let Chosen { places: mut order, len: n } = chosen;
-        let all = u32::MAX >> (32 - lanes);
-        let zero = simd.splat_f64(0.0);
         while first < end && first + lanes <= columns.len() {
-            let mut rays = RayLanes { origin: [zero; 3], direction: [zero; 3] };
-            for k in 0..3 {
-                rays.origin[k] = simd.load_f64(&columns.origins[k][first..]);
-                rays.direction[k] = simd.load_f64(&columns.directions[k][first..]);
-            }
-            // A ray is a half-line.
-            let start = simd.load_f64(&columns.spans.0[first..]);
-            let span = [zero.select(start.lt(zero), start), simd.load_f64(&columns.spans.1[first..])];
-            let left = if LEAVE { Some(LeftBy::of(simd, columns, first)) } else { None };
-            let mut known = question.nothing(simd);
-            for i in 0..n {
-                let FewSphere { sphere, sides, number } = &self.spheres[order[i % FEW]];
-                let (leaving, outwards) = left.as_ref().map_or((0, 0), |left| left.by(simd, *number));
-                let front = if *sides == Sides::Back { 0 } else { !leaving };
-                let back = if *sides == Sides::Front { 0 } else { !outwards };
-                if LEAVE && (front | back) & all == 0 {
-                    // As of rays that all leave it: they never meet it again.
-                    continue;
-                }
-                let center = sphere.center();
-                let center = [simd.splat_f64(center.x), simd.splat_f64(center.y), simd.splat_f64(center.z)];
-                let sphere = (center, simd.splat_f64(sphere.radius()));
-                let allowed = (simd.mask_f64(front), simd.mask_f64(back));
-                let hit = Sphere::intersect_pairs(simd, &rays, span, sphere, allowed);
-                if question.take(simd, &mut known, hit, *number) {
-                    // What answers these rays may well answer the next.
-                    order.swap(0, i % FEW);
-                    break;
-                }
-            }
+            let known = self.known_of::<S, Q, LEAVE>(simd, &mut chosen, question, columns, first);
             let len = lanes.min(end - first);
-            question.write::<S>(&known, &mut places[first..first + len]);
+            question.write::<S>(&known, 0, &mut places[first..first + len]);
             first += len;
         }
-        // Too few are left in the columns for all lanes.
+        if first == end {
+            return;
+        }
+        // Too few are left in the columns for all lanes: some before them go once more.
+        if let Some(last) = columns.len().checked_sub(lanes) {
+            let known = self.known_of::<S, Q, LEAVE>(simd, &mut chosen, question, columns, last);
+            question.write::<S>(&known, first - last, &mut places[first..end]);
+            return;
+        }
         for (i, place) in (first..end).zip(&mut places[first..]) {
             let (ray, span) = columns.ray(i);
             let left = columns.left(i);
-            let spheres = order[..n].iter().map(|&place| &self.spheres[place]);
+            let spheres = chosen.places[..chosen.len].iter().map(|&place| &self.spheres[place]);
             *place = question.one(spheres.filter_map(|FewSphere { sphere, sides, number }| {
                 let departure = left.filter(|left| left.0 == *number).map(|left| left.1);
                 let t = sphere.intersect(&ray, span, *sides, departure)?;
                 Some(Hit { t, primitive: *number })
             }));
         }
+    }
+
+    /// What is known of rays in lanes, from one of the columns on, once they are tested against the chosen spheres. The one
+    /// that tells all there is to know, of rays that ask for any hit, is asked first about the next.
+    #[inline(always)]
+    fn known_of<S: Simd, Q: OfFew, const LEAVE: bool>(
+        &self,
+        simd: S,
+        chosen: &mut Chosen,
+        question: Q,
+        columns: &RayColumns<'_>,
+        first: usize,
+    ) -> Q::Known<S> {
+        let all = u32::MAX >> (32 - S::F64::LANES);
+        let zero = simd.splat_f64(0.0);
+        let mut rays = RayLanes { origin: [zero; 3], direction: [zero; 3] };
+        for k in 0..3 {
+            rays.origin[k] = simd.load_f64(&columns.origins[k][first..]);
+            rays.direction[k] = simd.load_f64(&columns.directions[k][first..]);
+        }
+        // A ray is a half-line.
+        let start = simd.load_f64(&columns.spans.0[first..]);
+        let span = [zero.select(start.lt(zero), start), simd.load_f64(&columns.spans.1[first..])];
+        let left = if LEAVE { Some(LeftBy::of(simd, columns, first)) } else { None };
+        let mut known = question.nothing(simd);
+        for i in 0..chosen.len {
+            let FewSphere { sphere, sides, number } = &self.spheres[chosen.places[i % FEW]];
+            let (leaving, outwards) = left.as_ref().map_or((0, 0), |left| left.by(simd, *number));
+            let front = if *sides == Sides::Back { 0 } else { !leaving };
+            let back = if *sides == Sides::Front { 0 } else { !outwards };
+            if LEAVE && (front | back) & all == 0 {
+                // As where all leave it outwards: they never meet it again.
+                continue;
+            }
+            let center = sphere.center();
+            let center = [simd.splat_f64(center.x), simd.splat_f64(center.y), simd.splat_f64(center.z)];
+            let sphere = (center, simd.splat_f64(sphere.radius()));
+            let allowed = (simd.mask_f64(front), simd.mask_f64(back));
+            let hit = Sphere::intersect_pairs(simd, &rays, span, sphere, allowed);
+            if question.take(simd, &mut known, hit, *number) {
+                chosen.places.swap(0, i % FEW);
+                break;
+            }
+        }
+        known
     }
 }
 
@@ -375,9 +397,9 @@ impl LeftBy {
     }
 }
 
-/// Fills places from lanes.
+/// Fills places from lanes, from one on.
 #[inline(always)]
-fn fill<S: Simd, A>(places: &mut [A], of_lane: impl Fn(usize) -> A) {
+fn fill<S: Simd, A>(places: &mut [A], first: usize, of_lane: impl Fn(usize) -> A) {
     if let Some((places, [])) = places.split_at_mut_checked(S::F64::LANES) {
         // All lanes, as mostly: a loop of a known length.
         for (lane, place) in places[..S::F64::LANES].iter_mut().enumerate() {
@@ -385,7 +407,7 @@ fn fill<S: Simd, A>(places: &mut [A], of_lane: impl Fn(usize) -> A) {
         }
     } else {
         for (lane, place) in places.iter_mut().enumerate() {
-            *place = of_lane(lane);
+            *place = of_lane((first + lane) % S::F64::LANES);
         }
     }
 }
@@ -430,11 +452,11 @@ impl OfFew for NearestHit {
 
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "it was a number of 32 bits")]
-    fn write<S: Simd>(self, known: &NearestOfFew<S>, places: &mut [HitOrNone]) {
+    fn write<S: Simd>(self, known: &NearestOfFew<S>, lane: usize, places: &mut [HitOrNone]) {
         let (mut distances, mut numbers) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
         known.t.store(&mut distances);
         known.number.store(&mut numbers);
-        fill::<S, _>(places, |lane| HitOrNone {
+        fill::<S, _>(places, lane, |lane| HitOrNone {
             t: distances[lane],
             primitive: numbers[lane].to_bits() as u32,
         });
@@ -467,8 +489,8 @@ impl<const SHARED: bool> OfFew for AnyHit<SHARED> {
     }
 
     #[inline(always)]
-    fn write<S: Simd>(self, known: &u32, places: &mut [bool]) {
-        fill::<S, _>(places, |lane| known >> lane & 1 == 1);
+    fn write<S: Simd>(self, known: &u32, lane: usize, places: &mut [bool]) {
+        fill::<S, _>(places, lane, |lane| known >> lane & 1 == 1);
     }
 
     fn one(self, mut hits: impl Iterator<Item = Hit>) -> bool {
