@@ -123,7 +123,7 @@ impl Columns {
             }
             columns[6][i] = query.span.start;
             columns[7][i] = query.span.end;
-            left[i] = query.from.map_or(Left::NOTHING, |(primitive, side)| Left::new(primitive, side));
+            left[i] = query.from.into();
         }
         let [ox, oy, oz, dx, dy, dz, starts, ends] =
             columns.each_ref().map(|column| &column[..queries.len()]);

@@ -39,26 +39,6 @@ impl Left {
         Self(primitive | if side == Side::Front { Self::FRONT } else { 0 })
     }
 
-    /// Appends what rays leave to a list.
-    ///
-    /// # Panics
-    ///
-    /// As [`Left::new`] does.
-    #[inline(always)]
-    pub fn append<R>(list: &mut Vec<Self>, rays: &[R], left_by: impl Fn(&R) -> Option<(u32, Side)>) {
-        let first = list.len();
-        list.resize(first + rays.len(), Self::NOTHING);
-        // Whether there are such primitives is asked of all together, so that there is no branch a ray.
-        let mut all = 0;
-        for (place, ray) in list[first..].iter_mut().zip(rays) {
-            let left = left_by(ray);
-            let (primitive, side) = left.unwrap_or((0, Side::Back));
-            all |= primitive;
-            *place = if left.is_some() { Self::of(primitive, side) } else { Self::NOTHING };
-        }
-        assert!(all < 1 << 30, "there is no such primitive");
-    }
-
     /// The number of what is no primitive.
     pub(crate) const NOBODY: u32 = !Self::FRONT;
 
@@ -108,6 +88,18 @@ impl Left {
     pub fn get(self) -> Option<(u32, Side)> {
         let side = if self.0 & Self::FRONT == 0 { Side::Back } else { Side::Front };
         (self != Self::NOTHING).then_some((self.0 & !Self::FRONT, side))
+    }
+}
+
+impl From<Option<(u32, Side)>> for Left {
+    /// What a ray leaves, if it leaves anything.
+    ///
+    /// # Panics
+    ///
+    /// As [`Left::new`] does.
+    #[inline(always)]
+    fn from(left: Option<(u32, Side)>) -> Self {
+        left.map_or(Self::NOTHING, |(primitive, side)| Self::new(primitive, side))
     }
 }
 
@@ -233,12 +225,10 @@ mod tests {
         for primitive in [0, 1, 77, (1 << 30) - 1] {
             for side in [Side::Front, Side::Back] {
                 assert_eq!(Left::new(primitive, side).get(), Some((primitive, side)));
-                let mut list = vec![Left::NOTHING];
-                Left::append(&mut list, &[None, Some((primitive, side)), None], |&left| left);
-                let left = Left::new(primitive, side);
-                assert_eq!(list, [Left::NOTHING, Left::NOTHING, left, Left::NOTHING]);
+                assert_eq!(Left::from(Some((primitive, side))), Left::new(primitive, side));
             }
         }
+        assert_eq!(Left::from(None), Left::NOTHING);
         assert_eq!(Left::NOTHING.get(), None);
         assert_eq!(size_of::<Left>(), 4);
     }
@@ -246,8 +236,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "no such primitive")]
     fn a_ray_leaves_no_primitive_that_cannot_be() {
-        let left = [None, Some((1 << 30, Side::Back)), Some((1, Side::Front))];
-        Left::append(&mut Vec::new(), &left, |&left| left);
+        let _ = Left::new(1 << 30, Side::Back);
     }
 
     #[test]

@@ -362,8 +362,7 @@ fn rays_leave_faces_behind() {
         let list = leaving(&blocks, true);
         let hierarchy = Hierarchy::new(blocks.iter().map(|(primitive, sides)| (primitive, *sides)));
         let mut scratch = hierarchy.scratch();
-        let mut left = Vec::new();
-        Left::append(&mut left, &list.left, |&left| left);
+        let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
         let rays = list.columns(&left);
         let mut occluded = vec![false; list.left.len()];
         hierarchy.occluded_each(&rays, &mut occluded, &mut scratch);

@@ -2,14 +2,15 @@
 
 use std::ops::Range;
 
-use rayset_scene::LightId;
+use rayset_bvh::Left;
+use rayset_scene::{LightId, ObjectId};
 use rayset_simd::{Kernel, LaneMask, Lanes, MAX_LANES, Simd};
 
 use crate::intersection_tree::{Level, Run};
 use crate::lanes::{Numbers, ROWS, Vectors, lengthen, load, load3, n_blocks, place};
 use crate::lights::{LEAST_COSINE, Seen};
 use crate::spawning::{LEAST_WEIGHT, Spawning};
-use crate::{Generation, Hit, Originating, ShadowGeneration, Slot};
+use crate::{Generation, Hit, ShadowGeneration, Slot};
 
 /// The light rays of a level: slot by slot, and light by light.
 pub(crate) struct LightRays<'a> {
@@ -196,10 +197,15 @@ fn fill_in(rays: &mut Generation, rows: &[u32], level: &Level, slot: Slot, is_re
     rays.leaves_anything |= !rows.is_empty();
     let (ray_sets, hits, surfaces) = (level.rays.ray_sets(), &level.answers.values[..], level.surfaces());
     rays.ray_sets.extend(rows.iter().map(|&row| ray_sets[row as usize]));
-    rays.originating.extend(rows.iter().map(|&row| {
-        let &Hit { object, primitive, .. } = hits[row as usize].as_ref()?;
+    let first = rays.left.len();
+    rays.left.resize(first + rows.len(), Left::NOTHING);
+    rays.left_objects.resize(first + rows.len(), ObjectId(0));
+    let places = rays.left[first..].iter_mut().zip(&mut rays.left_objects[first..]);
+    for ((left, left_object), &row) in places.zip(rows) {
+        let Some(Hit { object, primitive, .. }) = hits[row as usize] else { continue };
         let (block, row) = place(row as usize);
         let side = surfaces[block].side(row);
-        Some(Originating { object, primitive, side: if is_refracted { side.opposite() } else { side } })
-    }));
+        *left = Left::new(primitive.0, if is_refracted { side.opposite() } else { side });
+        *left_object = object;
+    }
 }

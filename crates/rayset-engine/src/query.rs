@@ -1,5 +1,6 @@
 //! The questions a strategy answers, and their answers.
 
+use rayset_bvh::Left;
 use rayset_geometry::glam::DVec3;
 use rayset_geometry::{Ray, Side, Span};
 use rayset_scene::{LightId, ObjectId, PrimitiveId};
@@ -163,7 +164,9 @@ pub struct Generation {
     pub(crate) directions: [Vec<f64>; 3],
     pub(crate) starts: Vec<f64>,
     pub(crate) ends: Vec<f64>,
-    pub(crate) originating: Vec<Option<Originating>>,
+    /// What each ray leaves, as the hierarchy reads it, and the object of that.
+    pub(crate) left: Vec<Left>,
+    pub(crate) left_objects: Vec<ObjectId>,
     /// Whether any ray leaves something.
     pub(crate) leaves_anything: bool,
 }
@@ -199,15 +202,21 @@ impl Generation {
         (&self.starts[..self.len()], &self.ends[..self.len()])
     }
 
-    /// What each ray leaves.
+    /// What a ray leaves.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such ray.
     #[must_use]
-    pub fn originating(&self) -> &[Option<Originating>] {
-        &self.originating
+    #[inline(always)]
+    pub fn originating(&self, i: usize) -> Option<Originating> {
+        let (left, object) = (self.left[i].get(), self.left_objects[i]);
+        left.map(|(primitive, side)| Originating { object, primitive: PrimitiveId(primitive), side })
     }
 
-    /// Whether any ray leaves something.
-    pub(crate) fn leaves_anything(&self) -> bool {
-        self.leaves_anything
+    /// What each ray leaves; empty if none leaves anything, as initial rays.
+    pub(crate) fn left(&self) -> &[Left] {
+        if self.leaves_anything { &self.left } else { &[] }
     }
 
     /// The slot of each ray.
@@ -234,7 +243,7 @@ impl Generation {
         RayQuery {
             ray_set: self.ray_sets[i],
             slot: self.slots[i],
-            originating: self.originating[i],
+            originating: self.originating(i),
             ray: Ray::new(vector(&self.origins), vector(&self.directions)),
             span: Span { start: self.starts[i], end: self.ends[i] },
         }
@@ -246,7 +255,8 @@ impl Generation {
         let n = self.len();
         self.ray_sets.push(query.ray_set);
         self.slots.push(query.slot);
-        self.originating.push(query.originating);
+        self.left.push(Left::from(query.originating.map(|from| (from.primitive.0, from.side))));
+        self.left_objects.push(query.originating.map_or(ObjectId(0), |from| from.object));
         self.leaves_anything |= query.originating.is_some();
         let (origin, direction) = (query.ray.origin().to_array(), query.ray.direction().to_array());
         for k in 0..3 {
@@ -286,7 +296,8 @@ impl Generation {
         assert!(u32::try_from(n).is_ok(), "fewer than 2^32 ray-sets");
         self.ray_sets.extend((first.0..).take(n).map(RaySetIndex));
         self.slots.resize(n, Slot::ROOT);
-        self.originating.resize(n, None);
+        self.left.resize(n, Left::NOTHING);
+        self.left_objects.resize(n, ObjectId(0));
         self.starts[..n].fill(Span::FORWARD.start);
         self.ends[..n].fill(Span::FORWARD.end);
     }
@@ -295,7 +306,8 @@ impl Generation {
     pub fn clear(&mut self) {
         self.ray_sets.clear();
         self.slots.clear();
-        self.originating.clear();
+        self.left.clear();
+        self.left_objects.clear();
         self.leaves_anything = false;
     }
 }
@@ -332,7 +344,6 @@ pub(crate) struct Columns<'a> {
     directions: [&'a [f64]; 3],
     starts: &'a [f64],
     ends: &'a [f64],
-    pub(crate) originating: &'a [Option<Originating>],
 }
 
 impl<'a> Columns<'a> {
@@ -346,7 +357,6 @@ impl<'a> Columns<'a> {
             directions: cut(&generation.directions),
             starts: &generation.starts[..n],
             ends: &generation.ends[..n],
-            originating: &generation.originating[..n],
         }
     }
 

@@ -75,9 +75,9 @@ pub(crate) type Place = (usize, usize);
 
 /// Where rays that leave a surface, or do not, start at least, in world units.
 pub(crate) fn floor(rays: &Generation, extent: f64) -> f64 {
-    let leaves = rays.originating().first().is_some_and(Option::is_some);
+    let leaves = !rays.is_empty() && rays.originating(0).is_some();
     debug_assert!(
-        rays.originating().iter().all(|from| from.is_some() == leaves),
+        (0..rays.len()).all(|i| rays.originating(i).is_some() == leaves),
         "all of a list leave, or none"
     );
     if leaves { START * extent } else { 0.0 }

@@ -50,8 +50,7 @@ fn cut(n: usize) -> usize {
 }
 
 fn together(hierarchy: &Hierarchy, list: &List) -> (Vec<Option<Hit>>, Vec<bool>, Bundled) {
-    let mut left = Vec::new();
-    Left::append(&mut left, &list.left, |&left| left);
+    let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
     let rays = list.columns(&left);
     let n = list.left.len();
     // What stands in the places before does not matter.

@@ -11,7 +11,7 @@ use rayset_bvh::{BundleScratch, Bundled, Hierarchy, HitOrNone};
 use rayset_scene::{LightId, ObjectId, Scene};
 use rayset_simd::Backend;
 
-use super::hierarchical::{LeftColumn, extend_with_objects, hierarchy_of, objects_of};
+use super::hierarchical::{columns_of, extend_with_objects, hierarchy_of, objects_of};
 use crate::query::run_len;
 use crate::{
     Answers, Generation, Hit, IntersectionStrategy, PixelOrder, QueryWork, RayKind, RayQuery, Recording,
@@ -81,7 +81,6 @@ pub(super) struct BundleTracer<'s> {
     hierarchy: &'s Hierarchy,
     objects: &'s [ObjectId],
     scratch: BundleScratch,
-    left: LeftColumn,
     hits: Vec<HitOrNone>,
     recording: Recording,
     stats: Stats,
@@ -94,8 +93,8 @@ const CLASSES: usize = 32;
 
 impl<'s> BundleTracer<'s> {
     pub(super) fn new(hierarchy: &'s Hierarchy, objects: &'s [ObjectId], recording: Recording) -> Self {
-        let (scratch, left, hits) = (hierarchy.bundle_scratch(), LeftColumn::default(), Vec::new());
-        Self { hierarchy, objects, scratch, left, hits, recording, stats: Stats::default(), at_once: 0 }
+        let (scratch, hits) = (hierarchy.bundle_scratch(), Vec::new());
+        Self { hierarchy, objects, scratch, hits, recording, stats: Stats::default(), at_once: 0 }
     }
 
     /// How many rays were answered together so far, and how many by themselves that had to look for their answer.
@@ -119,8 +118,7 @@ impl<'s> BundleTracer<'s> {
 
     /// Answers the rays of a generation, group by group.
     fn answer(&mut self, generation: &Generation, mut places: Places<'_>, work: &mut Vec<QueryWork>) {
-        let mut left = std::mem::take(&mut self.left);
-        let rays = left.columns(generation);
+        let rays = columns_of(generation);
         // Tile by tile where their work is asked for.
         let step = if self.recording == Recording::Off { usize::MAX } else { self.hierarchy.tile_len() };
         let slots = generation.slots();
@@ -154,7 +152,6 @@ impl<'s> BundleTracer<'s> {
                 }
             }
         }
-        self.left = left;
     }
 }
 

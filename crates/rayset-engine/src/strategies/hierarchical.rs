@@ -5,7 +5,7 @@
 //!
 //! Source: Wald, Benthin and Boulos 2008, "Getting rid of packets", for wide nodes that one ray tests in lanes.
 
-use rayset_bvh::{Hierarchy, HitOrNone, Left, Query, RayColumns, Scratch};
+use rayset_bvh::{Hierarchy, HitOrNone, Query, RayColumns, Scratch};
 use rayset_geometry::{Side, Sides};
 use rayset_scene::{ObjectId, PrimitiveId, Scene, VolumeId};
 use rayset_simd::Backend;
@@ -85,27 +85,15 @@ pub(super) struct HierarchicalTracer<'s> {
     hierarchy: &'s Hierarchy,
     objects: &'s [ObjectId],
     scratch: Scratch,
-    left: LeftColumn,
     hits: Vec<HitOrNone>,
     recording: Recording,
     stats: Stats,
 }
 
-/// What each ray of a generation leaves.
-#[derive(Debug, Default)]
-pub(super) struct LeftColumn(Vec<Left>);
-
-impl LeftColumn {
-    /// The rays of a generation as columns, with what they leave.
-    pub(super) fn columns<'a>(&'a mut self, rays: &'a Generation) -> RayColumns<'a> {
-        self.0.clear();
-        // Initial rays leave nothing; a list may mix them with others.
-        if rays.leaves_anything() {
-            Left::append(&mut self.0, rays.originating(), |from| from.as_ref().map(left_by));
-        }
-        let ([ox, oy, oz], [dx, dy, dz]) = (rays.origins(), rays.directions());
-        RayColumns { origins: [ox, oy, oz], directions: [dx, dy, dz], spans: rays.spans(), left: &self.0 }
-    }
+/// The rays of a generation as the hierarchy reads them.
+pub(super) fn columns_of(rays: &Generation) -> RayColumns<'_> {
+    let ([ox, oy, oz], [dx, dy, dz]) = (rays.origins(), rays.directions());
+    RayColumns { origins: [ox, oy, oz], directions: [dx, dy, dz], spans: rays.spans(), left: rays.left() }
 }
 
 #[inline(always)]
@@ -136,8 +124,8 @@ pub(super) fn extend_with_objects(values: &mut Vec<Option<Hit>>, objects: &[Obje
 
 impl<'s> HierarchicalTracer<'s> {
     pub(super) fn new(hierarchy: &'s Hierarchy, objects: &'s [ObjectId], recording: Recording) -> Self {
-        let (scratch, left, hits) = (hierarchy.scratch(), LeftColumn::default(), Vec::new());
-        Self { hierarchy, objects, scratch, left, hits, recording, stats: Stats::default() }
+        let (scratch, hits) = (hierarchy.scratch(), Vec::new());
+        Self { hierarchy, objects, scratch, hits, recording, stats: Stats::default() }
     }
 
     /// Takes over what the hierarchy has counted.
@@ -174,9 +162,9 @@ impl Tracer for HierarchicalTracer<'_> {
 
     fn nearest_bundle(&mut self, generation: &Generation, answers: &mut Answers<Option<Hit>>) {
         if self.recording == Recording::Off {
-            let Self { hierarchy, objects, scratch, left, hits, .. } = self;
+            let Self { hierarchy, objects, scratch, hits, .. } = self;
             hits.resize(generation.len(), HitOrNone::NONE);
-            hierarchy.nearest_each(&left.columns(generation), hits, scratch);
+            hierarchy.nearest_each(&columns_of(generation), hits, scratch);
             extend_with_objects(&mut answers.values, objects, hits);
             self.count();
             return;
@@ -190,11 +178,11 @@ impl Tracer for HierarchicalTracer<'_> {
 
     fn occluded_bundle(&mut self, generation: &ShadowGeneration, answers: &mut Answers<bool>) {
         if self.recording == Recording::Off {
-            let Self { hierarchy, scratch, left, .. } = self;
+            let Self { hierarchy, scratch, .. } = self;
             let rays = generation.rays();
             let first = answers.values.len();
             answers.values.resize(first + rays.len(), false);
-            hierarchy.occluded_each(&left.columns(rays), &mut answers.values[first..], scratch);
+            hierarchy.occluded_each(&columns_of(rays), &mut answers.values[first..], scratch);
             self.count();
             return;
         }

@@ -151,7 +151,7 @@ impl Tracer for CoherentTracer<'_> {
         for (i, answer) in answers.values[first..].iter_mut().enumerate() {
             let before = Before::of(self);
             let (ray, span) = (columns.ray(i), columns.span(i));
-            self.find_nearest(columns.slots[i], &ray, span, columns.originating[i], answer, || {
+            self.find_nearest(columns.slots[i], &ray, span, generation.originating(i), answer, || {
                 generation.query(i)
             });
             before.record(self, &mut answers.work);
@@ -165,7 +165,7 @@ impl Tracer for CoherentTracer<'_> {
         answers.values.resize(first + generation.len(), false);
         for (i, answer) in answers.values[first..].iter_mut().enumerate() {
             let before = Before::of(self);
-            let originating = columns.originating[i];
+            let originating = generation.rays().originating(i);
             let (ray, span) = (columns.ray(i), columns.span(i));
             *answer = self
                 .is_hidden((columns.slots[i], lights[i]), &ray, span, originating, || generation.query(i));
