@@ -97,6 +97,24 @@ fn contract_1_queries_of_a_slot_arrive_in_increasing_order_of_ray_sets() {
 }
 
 #[test]
+fn rays_leave_a_primitive_of_their_originating_object() {
+    let mut left = 0;
+    for test in &scenes::all() {
+        for query in queries_of(&test.scene, &OPTIONS).iter().flatten() {
+            let (Query::Nearest(RayQuery { originating: Some(from), .. })
+            | Query::Occluded(ShadowQuery { originating: from, .. })) = query
+            else {
+                continue;
+            };
+            let volume = test.scene.location(from.primitive).volume;
+            assert_eq!(from.object, test.scene.volume_object(volume), "{}", test.name);
+            left += usize::from(from.object != ObjectId(0));
+        }
+    }
+    assert!(left > 1000, "{left} rays left another object than the first");
+}
+
+#[test]
 fn contract_1_initial_rays_of_a_sweep_are_numbered_without_a_gap() {
     let scene = &scenes::all()[3].scene;
     let mut firsts = Vec::new();
