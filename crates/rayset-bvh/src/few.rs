@@ -351,11 +351,14 @@ impl Few {
         let mut known = question.nothing(simd);
         for i in 0..chosen.len {
             let FewSphere { sphere, sides, number } = &self.spheres[chosen.places[i % FEW]];
-            let (leaving, outwards) = left.as_ref().map_or((0, 0), |left| left.by(simd, *number));
+            let (leaving, outwards) = match &left {
+                Some(left) => left.by(simd, *number),
+                None => (0, 0),
+            };
             let front = if *sides == Sides::Back { 0 } else { !leaving };
             let back = if *sides == Sides::Front { 0 } else { !outwards };
             if LEAVE && (front | back) & all == 0 {
-                // As where all leave it outwards: they never meet it again.
+                // All leave it, and can meet neither side of it again.
                 continue;
             }
             let center = sphere.center();

@@ -250,6 +250,10 @@ impl Generation {
     }
 
     /// Appends a ray.
+    ///
+    /// # Panics
+    ///
+    /// If it leaves a primitive that no scene has: one numbered 2^30 or more.
     #[inline(always)]
     pub fn push(&mut self, query: &RayQuery) {
         let n = self.len();
@@ -420,6 +424,10 @@ impl ShadowGeneration {
     }
 
     /// Appends a ray.
+    ///
+    /// # Panics
+    ///
+    /// As [`Generation::push`] does.
     #[inline(always)]
     pub fn push(&mut self, query: &ShadowQuery) {
         let ShadowQuery { ray_set, slot, light, originating, ray, span } = *query;

@@ -11,6 +11,9 @@ use crate::{Camera, Color, Light, LightId, Material, MaterialId, ObjectId, Part,
 /// The largest absolute coordinate a scene may have, in world units: beyond it squares of squares would overflow.
 pub const MAX_COORDINATE: f64 = 1e60;
 
+/// How many primitives a scene may have: neither hierarchies nor what rays leave are numbered beyond.
+pub const MAX_PRIMITIVES: usize = (1 << 30) - 1;
+
 /// Collects what a scene is made of, and checks it.
 ///
 /// Ids are handed out in the order of the calls.
@@ -111,13 +114,11 @@ impl SceneBuilder {
     ///
     /// [`SceneError::Invalid`] for a light, material or primitive with a value out of range, a coordinate beyond
     /// [`MAX_COORDINATE`], an unknown material, or an object without primitives; [`SceneError::TooMany`] beyond
-    /// 2^32 - 1 primitives.
+    /// [`MAX_PRIMITIVES`].
     pub fn build(self) -> Result<Scene, SceneError> {
         self.check()?;
         let n_parts: usize = self.objects.iter().map(|(_, _, parts)| parts.len()).sum();
-        if n_parts >= u32::MAX as usize {
-            return Err(SceneError::TooMany { what: "primitives", limit: u64::from(u32::MAX) - 1 });
-        }
+        check_count(n_parts)?;
         let mut scene = Scene {
             camera: self.camera,
             background: self.background,
@@ -225,6 +226,13 @@ impl SceneBuilder {
     }
 }
 
+fn check_count(n_parts: usize) -> Result<(), SceneError> {
+    if n_parts > MAX_PRIMITIVES {
+        return Err(SceneError::TooMany { what: "primitives", limit: MAX_PRIMITIVES as u64 });
+    }
+    Ok(())
+}
+
 fn within_range(point: DVec3) -> bool {
     point.abs().max_element() <= MAX_COORDINATE
 }
@@ -274,6 +282,13 @@ mod tests {
         let found: Vec<u32> = (0..12).map(|i| scene.surface_of(PrimitiveId(i)).material.0).collect();
         assert_eq!(found, [0, 0, 1, 1, 2, 2, 1, 1, 4, 4, 0, 0]);
         assert_eq!(scene.material_id_of(ObjectId(5)), MaterialId(5));
+    }
+
+    #[test]
+    fn more_primitives_than_can_be_numbered_are_refused() {
+        check_count(MAX_PRIMITIVES).unwrap();
+        let error = check_count(MAX_PRIMITIVES + 1).unwrap_err();
+        assert_eq!(error.to_string(), "more than 1073741823 primitives");
     }
 
     #[test]

@@ -41,7 +41,7 @@ mod toml;
 mod view;
 mod warnings;
 
-pub use builder::{MAX_COORDINATE, SceneBuilder};
+pub use builder::{MAX_COORDINATE, MAX_PRIMITIVES, SceneBuilder};
 pub use camera::Camera;
 pub use error::{SceneError, Warning};
 pub use ids::{LightId, MaterialId, ObjectId, PrimitiveId, VolumeId};
