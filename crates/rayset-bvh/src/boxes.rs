@@ -213,7 +213,8 @@ impl<const W: usize> Wide<W> {
         let (mut prepared, mut entrance) = (CullRays::<W>::NONE, Entrance::<W>::NONE);
         for queries in queries.chunks(W) {
             prepared.prepare(simd, frame, &columns.fill(queries), (0, queries.len()), Targets::default());
-            entrance.begin(simd, &self.tree, &prepared, prepared.ends());
+            let open = prepared.found(queries.len());
+            entrance.begin::<S, false>(simd, &self.tree, &prepared, prepared.ends(), open);
             for (ray, query) in queries.iter().enumerate() {
                 let query = Query { span: ahead(query.span), ..*query };
                 let Some(cull) = prepared.ray(ray).filter(|_| entrance.of(ray) != 0) else {

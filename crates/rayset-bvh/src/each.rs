@@ -23,6 +23,8 @@ pub(crate) trait OfRay: Copy {
     type Answer: Copy;
     /// What a traversal finds.
     type Found: Copy;
+    /// Whether any hit is an answer.
+    const ANY: bool;
     /// What is found where there is nothing.
     const NOTHING: Self::Found;
     /// What is found where a primitive is known to block the ray, if that is all that is asked.
@@ -69,6 +71,7 @@ pub(crate) struct AnyHit<const SHARED: bool>;
 impl OfRay for NearestHit {
     type Answer = HitOrNone;
     type Found = Nearest;
+    const ANY: bool = false;
     const NOTHING: Nearest = Nearest::NONE;
     const BLOCKED: Option<Nearest> = None;
     const UNKNOWN: HitOrNone = HitOrNone::NONE;
@@ -140,6 +143,7 @@ impl OfRay for NearestHit {
 impl<const SHARED: bool> OfRay for AnyHit<SHARED> {
     type Answer = bool;
     type Found = bool;
+    const ANY: bool = true;
     const NOTHING: bool = false;
     const BLOCKED: Option<bool> = if SHARED { Some(true) } else { None };
     const UNKNOWN: bool = false;
@@ -263,9 +267,11 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
                 blocked = shared.ask(simd, &wide.shapes, &prepared, left, open, tests);
                 open &= !blocked;
             }
-            if entrance.begin(simd, &wide.tree, &prepared, &ends) {
-                scratch.steps.nodes += u64::from(open.count_ones());
-            }
+            scratch.steps.nodes += if Q::ANY {
+                entrance.begin::<S, true>(simd, &wide.tree, &prepared, &ends, open)
+            } else {
+                entrance.begin::<S, false>(simd, &wide.tree, &prepared, &ends, open)
+            };
             for (lane, place) in found[..len].iter_mut().enumerate() {
                 let i = first + lane;
                 let known = if KNOWN || C::SPHERES { known[lane] } else { Q::UNKNOWN };

@@ -1,85 +1,177 @@
-//! The first step of rays that are traced one by one, taken together.
+//! The first steps of rays that are traced one by one, taken together.
 //!
 //! Every ray of a list tests the same node first. As many rays as there are lanes test one child after the other, which
-//! waits for nothing and guesses nothing; then each ray goes on from the children that it enters, and most rays that meet
+//! waits for nothing and guesses nothing; and where any hit will do, so that all that is entered has to be visited, the
+//! same once more for the nodes that several of them go on to. Then each ray goes on by itself, and most rays that meet
 //! nothing end here.
 
-use rayset_simd::{CullLanes, Lanes, Simd};
+use rayset_simd::{CullLanes, LaneMask, Lanes, Part, Simd};
 
 use crate::node::{Child, Node, Tree};
-use crate::ray::CullRays;
+use crate::packet::Mask;
+use crate::ray::{CullRays, SlabsOfRays};
 use crate::traverse::{Begin, put_all, put_by_distance};
 
-/// The children of the root that rays enter.
+/// Fewer rays than this test a node below the root one by one.
+const LEAST_RAYS: u32 = 4;
+
+/// What rays enter of the root, and of nodes below it.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Entrance<const W: usize> {
-    /// By child, where the ray of each lane enters it, or nearer; zero at least.
+    /// By child of the root, where the ray of each lane enters it, or nearer; zero at least. Only if it is asked where hits
+    /// are.
     near: [[f32; W]; W],
-    /// By ray, the sum of `2^child` over the children that it enters: exact, since there are at most 16.
+    /// By ray, the children of the root that it enters, as a sum: see [`Entering`].
     entered: [f32; W],
+    /// By child of the root, of those that were tested: the same, of its children.
+    entered_below: [[f32; W]; W],
+    /// The children of the root that were tested, a bit each.
+    tested: u32,
+}
+
+/// The children that rays enter, by ray: the sum of `2^child` over them, which is exact, since there are at most 16.
+struct Entering<S: Simd> {
+    sums: S::F32,
+    bit: f32,
+}
+
+impl<S: Simd> Entering<S> {
+    #[inline(always)]
+    fn new(simd: S) -> Self {
+        Self { sums: simd.splat_f32(0.0), bit: 1.0 }
+    }
+
+    /// The rays in some lanes enter the next child.
+    #[inline(always)]
+    fn push(&mut self, simd: S, lanes: Mask<S>) {
+        (self.sums + simd.splat_f32(self.bit)).put(lanes, &mut self.sums);
+        self.bit *= 2.0;
+    }
+}
+
+/// The rays that enter the box of a child, and where.
+#[inline(always)]
+fn enter<S: Simd, const W: usize>(
+    simd: S,
+    node: &Node<W>,
+    child: usize,
+    rays: &SlabsOfRays<S>,
+    ends: S::F32,
+) -> (Mask<S>, S::F32) {
+    let [mut near, mut far] = [rays.start, ends];
+    for k in 0..3 {
+        let (low, high) = (node.planes[k][child], node.planes[3 + k][child]);
+        let (low, high) = (simd.splat_f32(low), simd.splat_f32(high));
+        let (first, last) = (high.select(rays.turned[k], low), low.select(rays.turned[k], high));
+        near = near.max(first.mul_add(rays.inverse[k], rays.near_offset[k]));
+        far = far.min(last.mul_add(rays.inverse[k], rays.far_offset[k]));
+    }
+    (near.le(far), near)
 }
 
 impl<const W: usize> Entrance<W> {
     /// No ray enters anything.
-    pub(crate) const NONE: Self = Self { near: [[0.0; W]; W], entered: [0.0; W] };
+    pub(crate) const NONE: Self =
+        Self { near: [[0.0; W]; W], entered: [0.0; W], entered_below: [[0.0; W]; W], tested: 0 };
 
-    /// Prepared rays enter a tree, up to the ends of their spans; whether there is a node that they test. The root may be a
-    /// leaf, which rays enter untested.
+    /// Prepared rays, those in open lanes, enter a tree up to the ends of their spans; how many nodes they tested, counted
+    /// by ray. The root may be a leaf, which rays enter untested.
     #[inline(always)]
-    pub(crate) fn begin<S: Simd>(
+    pub(crate) fn begin<S: Simd, const ANY: bool>(
         &mut self,
         simd: S,
         tree: &Tree<W>,
         rays: &CullRays<W>,
         ends: &[f32; W],
-    ) -> bool {
+        open: u32,
+    ) -> u64 {
         if tree.root.is_leaf() {
             // It stands in the first slot of the first node.
-            (self.near[0], self.entered) = ([0.0; W], [1.0; W]);
-            return false;
+            (self.near[0], self.entered, self.tested) = ([0.0; W], [1.0; W], 0);
+            return 0;
         }
-        self.test(simd, &tree.nodes[0], rays, ends);
-        true
+        if ANY {
+            simd.outline(BeginAny { entrance: self, tree, rays, ends, open })
+        } else {
+            self.test_root(simd, &tree.nodes[0], rays, ends);
+            u64::from(open.count_ones())
+        }
     }
 
-    /// Tests prepared rays, up to the ends of their spans, against the boxes of a node.
+    /// Tests prepared rays, up to the ends of their spans, against the boxes of the root.
     #[inline(always)]
-    fn test<S: Simd>(&mut self, simd: S, node: &Node<W>, rays: &CullRays<W>, ends: &[f32; W]) {
+    fn test_root<S: Simd>(&mut self, simd: S, root: &Node<W>, rays: &CullRays<W>, ends: &[f32; W]) {
         let (rays, ends) = (rays.slabs(simd), simd.load_f32(ends));
-        let zero = simd.splat_f32(0.0);
-        let mut entered = zero;
-        let mut bit = 1.0;
-        for (child, near) in self.near.iter_mut().enumerate() {
+        let mut entering = Entering::new(simd);
+        for (child, at) in self.near.iter_mut().enumerate() {
             // The slots in use stand first.
-            if node.is_empty(child) {
+            if root.is_empty(child) {
                 break;
             }
-            let [mut enter, mut leave] = [rays.start, ends];
-            for k in 0..3 {
-                let (low, high) = (node.planes[k][child], node.planes[3 + k][child]);
-                let (low, high) = (simd.splat_f32(low), simd.splat_f32(high));
-                let (first, last) = (high.select(rays.turned[k], low), low.select(rays.turned[k], high));
-                enter = enter.max(first.mul_add(rays.inverse[k], rays.near_offset[k]));
-                leave = leave.min(last.mul_add(rays.inverse[k], rays.far_offset[k]));
-            }
-            let sum = entered + simd.splat_f32(bit);
-            entered = sum.select(enter.le(leave), entered);
-            enter.max(zero).store(near);
-            bit *= 2.0;
+            let (enters, near) = enter(simd, root, child, &rays, ends);
+            entering.push(simd, enters);
+            near.max(simd.splat_f32(0.0)).store(at);
         }
-        entered.store(&mut self.entered);
+        entering.sums.store(&mut self.entered);
     }
 
-    /// The children that a ray enters, a bit each.
+    /// The children of the root that a ray enters, a bit each.
     #[inline(always)]
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a sum of small powers of two"
-    )]
     pub(crate) fn of(&self, ray: usize) -> u32 {
-        self.entered[ray] as u32
+        bits(self.entered[ray])
+    }
+}
+
+/// A sum of small powers of two.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small whole number")]
+fn bits(sum: f32) -> u32 {
+    sum as u32
+}
+
+/// Rays begin to look for any hit.
+struct BeginAny<'a, const W: usize> {
+    entrance: &'a mut Entrance<W>,
+    tree: &'a Tree<W>,
+    rays: &'a CullRays<W>,
+    ends: &'a [f32; W],
+    open: u32,
+}
+
+impl<S: Simd, const W: usize> Part<S> for BeginAny<'_, W> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> u64 {
+        let Self { entrance, tree, rays, ends, open } = self;
+        let (rays, ends) = (rays.slabs(simd), simd.load_f32(ends));
+        let root = &tree.nodes[0];
+        let mut entering = Entering::new(simd);
+        // How many rays go on to each child, and the children that several do.
+        let (mut counts, mut shared) = ([0; W], 0);
+        for child in (0..W).take_while(|&child| !root.is_empty(child)) {
+            let (enters, _) = enter(simd, root, child, &rays, ends);
+            entering.push(simd, enters);
+            let count = (enters.bits() & open).count_ones();
+            counts[child] = count;
+            shared |= u32::from(count >= LEAST_RAYS && !Child(root.children[child]).is_leaf()) << child;
+        }
+        entering.sums.store(&mut entrance.entered);
+        entrance.tested = shared;
+        let mut tests = open.count_ones();
+        while shared != 0 {
+            let number = shared.trailing_zeros() as usize % W;
+            shared &= shared - 1;
+            tests += counts[number];
+            let node = &tree.nodes[Child(root.children[number]).index()];
+            let mut entering = Entering::new(simd);
+            for child in (0..W).take_while(|&child| !node.is_empty(child)) {
+                entering.push(simd, enter(simd, node, child, &rays, ends).0);
+            }
+            entering.sums.store(&mut entrance.entered_below[number]);
+        }
+        u64::from(tests)
     }
 }
 
@@ -98,8 +190,28 @@ impl<const W: usize> Begin<W> for Entered<'_, W> {
     }
 
     #[inline(always)]
-    fn any<S: Simd>(&self, simd: S, tree: &Tree<W>, stack: &mut [u32], height: &mut usize) -> Child {
-        put_all(simd, &tree.nodes[0], self.entrance.of(self.ray), stack, height)
+    fn any<S: Simd>(&self, simd: S, tree: &Tree<W>, stack: &mut [u32], height: &mut usize) -> Option<Child> {
+        let Self { entrance, ray } = *self;
+        let (root, entered) = (&tree.nodes[0], entrance.of(ray));
+        let (mut tested, others) = (entered & entrance.tested, entered & !entrance.tested);
+        let mut next = None;
+        if others != 0 {
+            next = Some(put_all(simd, root, others, stack, height));
+        }
+        while tested != 0 {
+            let child = tested.trailing_zeros() as usize % W;
+            tested &= tested - 1;
+            let below = bits(entrance.entered_below[child][ray]);
+            if below != 0 {
+                if let Some(next) = next {
+                    stack[*height] = next.0;
+                    *height += 1;
+                }
+                let node = &tree.nodes[Child(root.children[child]).index()];
+                next = Some(put_all(simd, node, below, stack, height));
+            }
+        }
+        next
     }
 }
 
@@ -115,42 +227,66 @@ mod tests {
     use crate::columns::RayColumns;
     use crate::frame::Frame;
     use crate::ray::Targets;
-    use crate::traverse::children_of;
+    use crate::traverse::{Stack, children_of};
 
-    /// Whether each of many rays enters the same children together as by itself, and as far away.
+    /// Whether each of many rays enters the same children together as by itself, and as far away; whether all that it
+    /// goes on to, where any hit will do, is what it enters.
     struct Together;
 
     impl Kernel for Together {
-        type Output = (usize, usize);
+        type Output = [usize; 4];
 
-        fn run<S: Simd>(self, simd: S) -> (usize, usize) {
+        fn run<S: Simd>(self, simd: S) -> [usize; 4] {
             if S::F32::LANES == 16 { compare::<S, 16>(simd) } else { compare::<S, 8>(simd) }
         }
     }
 
-    fn compare<S: Simd, const W: usize>(simd: S) -> (usize, usize) {
-        let mut rng = ChaCha8Rng::seed_from_u64(5);
-        let mut point = |size: f64| {
-            let mut number = || size * (f64::from(rng.next_u32()) / f64::from(u32::MAX) * 2.0 - 1.0);
-            dvec3(number(), number(), number())
+    /// Points strewn in a cube.
+    fn point(rng: &mut ChaCha8Rng, size: f64) -> DVec3 {
+        let mut number = || size * (f64::from(rng.next_u32()) / f64::from(u32::MAX) * 2.0 - 1.0);
+        dvec3(number(), number(), number())
+    }
+
+    /// A root some of whose children are nodes, the others and theirs leaves; boxes of children lie anywhere.
+    fn tree<const W: usize>(rng: &mut ChaCha8Rng, frame: &Frame, slots: usize) -> Tree<W> {
+        let mut nodes = vec![Node::EMPTY];
+        let mut leaf = 0;
+        let mut set = |node: &mut Node<W>, slot: usize, child: Option<Child>| {
+            let (a, b) = (point(rng, 1.0), point(rng, 1.0));
+            leaf += 1;
+            let bounds = BoundingBox { min: a.min(b), max: a.max(b) };
+            node.set(slot, &frame.cull_box(&bounds), child.unwrap_or(Child::leaf(leaf)));
         };
+        for slot in 0..slots {
+            let mut below = None;
+            if slot % 3 != 1 {
+                let mut node = Node::EMPTY;
+                (0..=(slot * 5) % W).for_each(|slot| set(&mut node, slot, None));
+                below = Some(Child::node(nodes.len()));
+                nodes.push(node);
+            }
+            set(&mut nodes[0], slot, below);
+        }
+        Tree { root: Child::ROOT, nodes, depth: 2 }
+    }
+
+    fn compare<S: Simd, const W: usize>(simd: S) -> [usize; 4] {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
         let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
         let (mut entrance, mut prepared) = (Entrance::<W>::NONE, CullRays::<W>::NONE);
-        let (mut entered, mut missed) = (0, 0);
-        for case in 0..400 {
-            let mut node = Node::<W>::EMPTY;
-            for slot in 0..(case % W) + 1 {
-                let (a, b) = (point(1.0), point(1.0));
-                let bounds = BoundingBox { min: a.min(b), max: a.max(b) };
-                node.set(slot, &frame.cull_box(&bounds), Child::leaf(slot));
-            }
+        let (mut entered, mut missed, mut tested, mut untested) = (0, 0, 0, 0);
+        for case in 0..1000 {
+            let tree = tree::<W>(&mut rng, &frame, (case % W) + 1);
+            // Rays from anywhere, and rays that stay together.
+            let (eye, spread) = (point(&mut rng, 1.5), [1.0, 0.1][case / 3 % 2]);
+            let middle = point(&mut rng, 0.5);
             let rays: Vec<_> = (0..W)
                 .map(|i| {
-                    let origin = point(1.5);
-                    let toward = unit(point(0.5) - origin).unwrap_or(DVec3::X);
+                    let origin = eye + point(&mut rng, spread);
+                    let toward = unit(middle + point(&mut rng, spread) - origin).unwrap_or(DVec3::X);
                     // Along an axis, both ways, where nothing but zeros is across.
                     let along = [DVec3::X, DVec3::NEG_Y, dvec3(0.0, -0.0, -1.0)][i % 3];
-                    let direction = if i % 4 == 0 { along } else { toward };
+                    let direction = if (i + case) % 8 == 0 { along } else { toward };
                     Ray::new(origin, direction)
                 })
                 .collect();
@@ -158,7 +294,8 @@ mod tests {
             let origins = [0, 1, 2].map(|k| of(&|ray| ray.origin()[k]));
             let directions = [0, 1, 2].map(|k| of(&|ray| ray.direction()[k]));
             let starts: Vec<f64> = (0..W).map(|i| [0.0, 0.3][i % 2]).collect();
-            let ends: Vec<f64> = (0..W).map(|i| [f64::INFINITY, 1.0, f64::NAN][i % 3]).collect();
+            let ends: Vec<f64> =
+                (0..W).map(|i| [f64::INFINITY, 2.0, f64::INFINITY, f64::NAN][i % 4]).collect();
             let columns = RayColumns {
                 origins: [&origins[0], &origins[1], &origins[2]],
                 directions: [&directions[0], &directions[1], &directions[2]],
@@ -166,10 +303,14 @@ mod tests {
                 left: &[],
             };
             prepared.prepare(simd, &frame, &columns, (0, W), Targets::default());
-            entrance.test(simd, &node, &prepared, prepared.ends());
+            let (ends, open) = (prepared.ends(), rng.next_u32() & prepared.found(W));
+            let by_itself =
+                |node: &Node<W>, i: usize| prepared.ray(i).map(|cull| children_of(simd, node, cull, ends[i]));
+            let root = &tree.nodes[0];
+            let tests = entrance.begin::<S, false>(simd, &tree, &prepared, ends, open);
+            assert_eq!(tests, u64::from(open.count_ones()));
             for i in 0..W {
-                let Some(cull) = prepared.ray(i) else { continue };
-                let (bits, near) = children_of(simd, &node, cull, prepared.ends()[i]);
+                let Some((bits, near)) = by_itself(root, i) else { continue };
                 assert_eq!(entrance.of(i), bits, "case {case}, ray {i}");
                 for (child, near) in near.iter().enumerate().filter(|(child, _)| bits >> child & 1 == 1) {
                     assert_eq!(entrance.near[child][i].to_bits(), near.max(0.0).to_bits());
@@ -177,15 +318,50 @@ mod tests {
                 entered += bits.count_ones() as usize;
                 missed += usize::from(bits == 0);
             }
+            // Every ray that is open counts where it would have tested a node by itself.
+            let tests = entrance.begin::<S, true>(simd, &tree, &prepared, ends, open);
+            let mut expected_tests = u64::from(open.count_ones());
+            for i in 0..W {
+                let Some((bits, _)) = by_itself(root, i) else { continue };
+                assert_eq!(entrance.of(i), bits, "case {case}, ray {i}");
+                let mut expected = Vec::new();
+                for child in (0..W).filter(|child| bits >> child & 1 == 1) {
+                    let at = Child(root.children[child]);
+                    if entrance.tested >> child & 1 == 0 {
+                        expected.push(at.0);
+                        untested += 1;
+                        continue;
+                    }
+                    expected_tests += u64::from(open >> i & 1);
+                    tested += 1;
+                    let node = &tree.nodes[at.index()];
+                    let below = by_itself(node, i).expect("it enters something").0;
+                    expected.extend(
+                        (0..W).filter(|child| below >> child & 1 == 1).map(|child| node.children[child]),
+                    );
+                }
+                if bits != 0 {
+                    let (mut stack, mut height) = (Stack::of(&tree), 0);
+                    let begin = Entered { entrance: &entrance, ray: i };
+                    let next = begin.any(simd, &tree, &mut stack.children, &mut height);
+                    let mut found = stack.children[..height].to_vec();
+                    found.extend(next.map(|child| child.0));
+                    found.sort_unstable();
+                    expected.sort_unstable();
+                    assert_eq!(found, expected, "case {case}, ray {i}");
+                }
+            }
+            assert_eq!(tests, expected_tests, "case {case}");
         }
-        (entered, missed)
+        [entered, missed, tested, untested]
     }
 
     #[test]
     fn rays_enter_together_what_each_enters_alone() {
         for &backend in Backend::available() {
-            let (entered, missed) = backend.run(Together);
+            let [entered, missed, tested, untested] = backend.run(Together);
             assert!(entered > 1000 && missed > 500, "{backend}: {entered}, {missed}");
+            assert!(tested > 500 && untested > 500, "{backend}: {tested}, {untested}");
         }
     }
 }

@@ -21,8 +21,8 @@ pub(crate) trait Visitor {
 pub(crate) trait Begin<const W: usize> {
     /// For the nearest hit: the nearest child, and the others with their distances.
     fn nearest(&self, tree: &Tree<W>, stack: &mut [u64], height: &mut usize) -> Child;
-    /// For any hit.
-    fn any<S: Simd>(&self, simd: S, tree: &Tree<W>, stack: &mut [u32], height: &mut usize) -> Child;
+    /// For any hit: a child, if there is any, and the others.
+    fn any<S: Simd>(&self, simd: S, tree: &Tree<W>, stack: &mut [u32], height: &mut usize) -> Option<Child>;
 }
 
 /// Begins at the root.
@@ -35,8 +35,8 @@ impl<const W: usize> Begin<W> for AtRoot {
     }
 
     #[inline(always)]
-    fn any<S: Simd>(&self, _: S, tree: &Tree<W>, _: &mut [u32], _: &mut usize) -> Child {
-        tree.root
+    fn any<S: Simd>(&self, _: S, tree: &Tree<W>, _: &mut [u32], _: &mut usize) -> Option<Child> {
+        Some(tree.root)
     }
 }
 
@@ -73,7 +73,10 @@ impl Stack {
     /// A stack that no traversal of the tree can overflow.
     pub(crate) fn of<const W: usize>(tree: &Tree<W>) -> Self {
         let len = tree.depth * (W - 1) + W;
-        Self { entries: vec![0; len], children: vec![0; len + W], together: vec![Pending::default(); len] }
+        // Where any hit will do, a ray may begin with what it enters of all children of the root, and whole registers are
+        // written.
+        let children = vec![0; len + W * W];
+        Self { entries: vec![0; len], children, together: vec![Pending::default(); len] }
     }
 }
 
@@ -315,7 +318,7 @@ pub(crate) fn is_stopped<S: Simd, V: Visitor, const W: usize>(
     let (ray, ends) = (BoxRay::new(simd, ray, V::FACES), simd.splat_f32(end));
     let stack = stack.children.as_mut_slice();
     let mut height = 0;
-    let mut current = begin.any(simd, tree, stack, &mut height);
+    let Some(mut current) = begin.any(simd, tree, stack, &mut height) else { return false };
     let (mut nodes, mut leaves) = (0, 0);
     let is_stopped = loop {
         if current.is_leaf() {
