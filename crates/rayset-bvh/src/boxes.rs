@@ -214,7 +214,7 @@ impl<const W: usize> Wide<W> {
         for queries in queries.chunks(W) {
             prepared.prepare(simd, frame, &columns.fill(queries), (0, queries.len()), Targets::default());
             let open = prepared.found(queries.len());
-            entrance.begin::<S, false>(simd, &self.tree, &prepared, prepared.ends(), open);
+            entrance.begin::<S, false, false>(simd, &self.tree, &prepared, prepared.ends(), open);
             for (ray, query) in queries.iter().enumerate() {
                 let query = Query { span: ahead(query.span), ..*query };
                 let Some(cull) = prepared.ray(ray).filter(|_| entrance.of(ray) != 0) else {

@@ -267,10 +267,12 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
                 blocked = shared.ask(simd, &wide.shapes, &prepared, left, open, tests);
                 open &= !blocked;
             }
-            scratch.steps.nodes += if Q::ANY {
-                entrance.begin::<S, true>(simd, &wide.tree, &prepared, &ends, open)
+            scratch.steps.nodes += if Q::ANY && C::FACES {
+                entrance.begin::<S, true, true>(simd, &wide.tree, &prepared, &ends, open)
+            } else if Q::ANY {
+                entrance.begin::<S, true, false>(simd, &wide.tree, &prepared, &ends, open)
             } else {
-                entrance.begin::<S, false>(simd, &wide.tree, &prepared, &ends, open)
+                entrance.begin::<S, false, false>(simd, &wide.tree, &prepared, &ends, open)
             };
             for (lane, place) in found[..len].iter_mut().enumerate() {
                 let i = first + lane;

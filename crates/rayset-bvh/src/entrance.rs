@@ -9,7 +9,7 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Part, Simd};
 
 use crate::node::{Child, Node, Tree};
 use crate::packet::Mask;
-use crate::ray::{CullRays, SlabsOfRays};
+use crate::ray::{CullRays, FacesOfRays, SlabsOfRays};
 use crate::traverse::{Begin, put_all, put_by_distance};
 
 /// Fewer rays than this test a node below the root one by one.
@@ -50,6 +50,24 @@ impl<S: Simd> Entering<S> {
     }
 }
 
+/// The rays that do not leave the box of a child behind.
+#[inline(always)]
+fn ahead<S: Simd, const W: usize>(
+    simd: S,
+    node: &Node<W>,
+    child: usize,
+    rays: &SlabsOfRays<S>,
+    faces: &FacesOfRays<S>,
+) -> Mask<S> {
+    let mut ahead = simd.mask_f32(u32::MAX >> (32 - W));
+    for k in 0..3 {
+        let (low, high) = (node.planes[k][child], node.planes[3 + k][child]);
+        let last = simd.splat_f32(low).select(rays.turned[k], simd.splat_f32(high));
+        ahead = ahead & (last * faces.sense[k]).gt(faces.place[k]);
+    }
+    ahead
+}
+
 /// The rays that enter the box of a child, and where.
 #[inline(always)]
 fn enter<S: Simd, const W: usize>(
@@ -78,7 +96,7 @@ impl<const W: usize> Entrance<W> {
     /// Prepared rays, those in open lanes, enter a tree up to the ends of their spans; how many nodes they tested, counted
     /// by ray. The root may be a leaf, which rays enter untested.
     #[inline(always)]
-    pub(crate) fn begin<S: Simd, const ANY: bool>(
+    pub(crate) fn begin<S: Simd, const ANY: bool, const FACES: bool>(
         &mut self,
         simd: S,
         tree: &Tree<W>,
@@ -92,7 +110,7 @@ impl<const W: usize> Entrance<W> {
             return 0;
         }
         if ANY {
-            simd.outline(BeginAny { entrance: self, tree, rays, ends, open })
+            simd.outline(BeginAny::<W, FACES> { entrance: self, tree, rays, ends, open })
         } else {
             self.test_root(simd, &tree.nodes[0], rays, ends);
             u64::from(open.count_ones())
@@ -130,8 +148,8 @@ fn bits(sum: f32) -> u32 {
     sum as u32
 }
 
-/// Rays begin to look for any hit.
-struct BeginAny<'a, const W: usize> {
+/// Rays begin to look for any hit; they may leave faces behind, which they look for below the root.
+struct BeginAny<'a, const W: usize, const FACES: bool> {
     entrance: &'a mut Entrance<W>,
     tree: &'a Tree<W>,
     rays: &'a CullRays<W>,
@@ -139,12 +157,13 @@ struct BeginAny<'a, const W: usize> {
     open: u32,
 }
 
-impl<S: Simd, const W: usize> Part<S> for BeginAny<'_, W> {
+impl<S: Simd, const W: usize, const FACES: bool> Part<S> for BeginAny<'_, W, FACES> {
     type Output = u64;
 
     #[inline(always)]
     fn run(self, simd: S) -> u64 {
         let Self { entrance, tree, rays, ends, open } = self;
+        let faces = rays.faces(simd);
         let (rays, ends) = (rays.slabs(simd), simd.load_f32(ends));
         let root = &tree.nodes[0];
         let mut entering = Entering::new(simd);
@@ -167,7 +186,11 @@ impl<S: Simd, const W: usize> Part<S> for BeginAny<'_, W> {
             let node = &tree.nodes[Child(root.children[number]).index()];
             let mut entering = Entering::new(simd);
             for child in (0..W).take_while(|&child| !node.is_empty(child)) {
-                entering.push(simd, enter(simd, node, child, &rays, ends).0);
+                let (mut enters, _) = enter(simd, node, child, &rays, ends);
+                if FACES {
+                    enters = enters & ahead(simd, node, child, &rays, &faces);
+                }
+                entering.push(simd, enters);
             }
             entering.sums.store(&mut entrance.entered_below[number]);
         }
@@ -307,7 +330,7 @@ mod tests {
             let by_itself =
                 |node: &Node<W>, i: usize| prepared.ray(i).map(|cull| children_of(simd, node, cull, ends[i]));
             let root = &tree.nodes[0];
-            let tests = entrance.begin::<S, false>(simd, &tree, &prepared, ends, open);
+            let tests = entrance.begin::<S, false, false>(simd, &tree, &prepared, ends, open);
             assert_eq!(tests, u64::from(open.count_ones()));
             for i in 0..W {
                 let Some((bits, near)) = by_itself(root, i) else { continue };
@@ -319,7 +342,7 @@ mod tests {
                 missed += usize::from(bits == 0);
             }
             // Every ray that is open counts where it would have tested a node by itself.
-            let tests = entrance.begin::<S, true>(simd, &tree, &prepared, ends, open);
+            let tests = entrance.begin::<S, true, false>(simd, &tree, &prepared, ends, open);
             let mut expected_tests = u64::from(open.count_ones());
             for i in 0..W {
                 let Some((bits, _)) = by_itself(root, i) else { continue };

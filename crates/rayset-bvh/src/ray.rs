@@ -117,6 +117,13 @@ pub(crate) struct SlabsOfRays<S: Simd> {
     pub(crate) start: S::F32,
 }
 
+/// The faces that rays leave behind, a lane each, by axis: none along an axis where the sense is 0, and the place below that.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FacesOfRays<S: Simd> {
+    pub(crate) sense: [S::F32; 3],
+    pub(crate) place: [S::F32; 3],
+}
+
 /// What of prepared rays one primitive is tested with, a lane each.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PreparedLanes<S: Simd> {
@@ -412,6 +419,22 @@ impl<const W: usize> CullRays<W> {
             slabs.turned[k] = simd.mask_f32(self.turned[k]);
         }
         slabs
+    }
+
+    /// The faces that they leave behind.
+    #[inline(always)]
+    #[expect(clippy::cast_precision_loss, reason = "the number of an axis")]
+    pub(crate) fn faces<S: Simd>(&self, simd: S) -> FacesOfRays<S> {
+        let zero = simd.splat_f32(0.0);
+        let below = simd.splat_f32(-1.0);
+        let (axis, sense) = (simd.load_f32(&self.face_axis), simd.load_f32(&self.face_sense));
+        let mut faces = FacesOfRays { sense: [zero; 3], place: [below; 3] };
+        for k in 0..3 {
+            let here = axis.eq(simd.splat_f32(k as f32)) & sense.abs().gt(zero);
+            faces.sense[k] = sense.select(here, zero);
+            faces.place[k] = simd.load_f32(&self.face_place).select(here, below);
+        }
+        faces
     }
 
     /// What a primitive is tested with.
