@@ -19,6 +19,7 @@ use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::{Copies, CullRays, Targets};
 use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Shapes, Traced};
+use crate::stream::{AnyOfStreams, Room};
 use crate::traverse::{AtRoot, Begin, Stack, Steps, Visitor, is_stopped, traverse};
 use crate::{HitOrNone, Query, RayColumns};
 
@@ -47,6 +48,8 @@ pub struct Scratch {
     pub primitive_tests: u64,
     /// The record of what was found to block a ray, until it is taken.
     pub(crate) blocker: Option<u32>,
+    /// Room for rays that go together.
+    pub(crate) room: Room,
 }
 
 impl Hierarchy {
@@ -136,7 +139,7 @@ impl Hierarchy {
             Width::Eight(wide) => Stack::of(&wide.tree),
             Width::Sixteen(wide) => Stack::of(&wide.tree),
         };
-        Scratch { stack, steps: Steps::default(), primitive_tests: 0, blocker: None }
+        Scratch { stack, steps: Steps::default(), primitive_tests: 0, blocker: None, room: Room::default() }
     }
 
     /// The least hit of a ray in the order `(t, primitive)`; nothing behind the origin, even if the span begins there.
@@ -184,7 +187,7 @@ impl Hierarchy {
     ///
     /// As [`Hierarchy::nearest_each`] does.
     pub fn occluded_each(&self, rays: &RayColumns<'_>, occluded: &mut [bool], scratch: &mut Scratch) {
-        self.run(OfEach { question: AnyHit::<false>, rays, places: occluded, scratch });
+        self.run(OccludedOfEach { rays, places: occluded, scratch });
     }
 
     /// Does work on the tree, on the lanes it was built for.
@@ -418,7 +421,7 @@ impl<const W: usize> Wide<W> {
         traced: &Traced<'_, W>,
         scratch: &mut Scratch,
     ) -> bool {
-        let Scratch { stack, steps, primitive_tests, blocker } = scratch;
+        let Scratch { stack, steps, primitive_tests, blocker, .. } = scratch;
         let end = traced.cull.end_above();
         let mut visitor = AnyVisitor {
             content: PhantomData::<C>,
@@ -566,5 +569,29 @@ impl<Q: OfFew> Task for OfEach<'_, Q> {
         let Self { question, rays, places, scratch } = self;
         let rays = Rays::<_, false> { columns: rays, range: 0..rays.len(), places, shared: None };
         wide.each(simd, frame, question, rays, scratch);
+    }
+}
+
+struct OccludedOfEach<'a> {
+    rays: &'a RayColumns<'a>,
+    places: &'a mut [bool],
+    scratch: &'a mut Scratch,
+}
+
+impl Task for OccludedOfEach<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) {
+        let Self { rays, places, scratch } = self;
+        if !wide.shapes.is_only(PrimitiveKind::Triangle) {
+            let rays = Rays::<_, false> { columns: rays, range: 0..rays.len(), places, shared: None };
+            wide.each(simd, frame, AnyHit::<false>, rays, scratch);
+        } else if wide.has_faces {
+            let content = PhantomData::<OnlyTriangles<true>>;
+            simd.outline(AnyOfStreams { content, wide, frame, columns: rays, places, scratch });
+        } else {
+            let content = PhantomData::<OnlyTriangles<false>>;
+            simd.outline(AnyOfStreams { content, wide, frame, columns: rays, places, scratch });
+        }
     }
 }

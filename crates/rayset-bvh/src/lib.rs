@@ -50,6 +50,7 @@ mod ray;
 mod shaft;
 mod shapes;
 mod shear;
+mod stream;
 mod together;
 mod traverse;
 mod trial;

@@ -82,7 +82,7 @@ impl Stack {
 
 /// What of a ray the boxes of a node are tested with, in every lane.
 #[derive(Clone, Copy)]
-struct BoxRay<S: Simd> {
+pub(crate) struct BoxRay<S: Simd> {
     near_planes: [usize; 3],
     far_planes: [usize; 3],
     inverse: [S::F32; 3],
@@ -94,7 +94,7 @@ struct BoxRay<S: Simd> {
 
 impl<S: Simd> BoxRay<S> {
     #[inline(always)]
-    fn new<const W: usize>(simd: S, ray: CullRay<'_, W>, faces: bool) -> Self {
+    pub(crate) fn new<const W: usize>(simd: S, ray: CullRay<'_, W>, faces: bool) -> Self {
         let ([near_planes, far_planes], [near_offset, far_offset]) = (ray.planes(), ray.offsets());
         // Known here, so that no load has to ask.
         assert!(near_planes[0].max(near_planes[1]).max(near_planes[2]) < 6, "a node has six planes");
@@ -116,7 +116,7 @@ impl<S: Simd> BoxRay<S> {
 
     /// The boxes of a node that the ray enters, a bit each, and where.
     #[inline(always)]
-    fn test<const W: usize>(&self, simd: S, node: &Node<W>, ends: S::F32) -> (u32, S::F32) {
+    pub(crate) fn test<const W: usize>(&self, simd: S, node: &Node<W>, ends: S::F32) -> (u32, S::F32) {
         let ([ix, iy, iz], [nx, ny, nz], [fx, fy, fz]) = (self.inverse, self.near_offset, self.far_offset);
         let [near_x, near_y, near_z] = load(simd, node, self.near_planes);
         let [far_x, far_y, far_z] = load(simd, node, self.far_planes);
@@ -284,7 +284,8 @@ fn enter_any<S: Simd, const W: usize>(
     if bits == 0 { None } else { Some(put_all(simd, node, bits, stack, height)) }
 }
 
-/// Of the children of a node that a ray enters, one at least, gives the first, and puts the others on the stack.
+/// Of the children of a node that a ray enters, one at least, gives the last, and puts the others on the stack: children
+/// are visited from the last to the first, whichever are entered.
 #[inline(always)]
 pub(crate) fn put_all<S: Simd, const W: usize>(
     simd: S,
@@ -293,10 +294,11 @@ pub(crate) fn put_all<S: Simd, const W: usize>(
     stack: &mut [u32],
     height: &mut usize,
 ) -> Child {
-    let others = bits & (bits - 1);
+    let last = 31 - bits.leading_zeros();
+    let others = bits ^ 1 << last;
     simd.compress_u32(simd.mask_f32(others), &node.children, &mut stack[*height..*height + W]);
     *height += others.count_ones() as usize;
-    Child(node.children[bits.trailing_zeros() as usize % W])
+    Child(node.children[last as usize % W])
 }
 
 /// Visits leaves whose boxes the ray may meet, in any order, until one says that the ray is stopped; whether one did.

@@ -226,6 +226,13 @@ pub trait Simd: Copy + Debug + Send + Sync + 'static {
     /// If there are fewer values than [`Lanes::LANES`] of `F32`.
     #[must_use]
     fn equal_u32(self, values: &[u32], wanted: u32) -> <Self::F32 as Lanes>::Mask;
+    /// The lanes of `F32` whose value shares a bit with `bits`.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer values than [`Lanes::LANES`] of `F32`.
+    #[must_use]
+    fn any_bits_u32(self, values: &[u32], bits: u32) -> <Self::F32 as Lanes>::Mask;
     /// Moves the values whose lane of `F32` is set to the front of `out`, in their order; what stands in `out` after
     /// them is not specified.
     ///

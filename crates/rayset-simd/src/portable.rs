@@ -268,6 +268,11 @@ impl Simd for Portable {
         M32x8::of(|i| values[i] == wanted)
     }
     #[inline(always)]
+    fn any_bits_u32(self, values: &[u32], bits: u32) -> M32x8 {
+        let values = &values[..8];
+        M32x8::of(|i| values[i] & bits != 0)
+    }
+    #[inline(always)]
     fn compress_u32(self, mask: M32x8, values: &[u32], out: &mut [u32]) {
         let values = &values[..8];
         mask.compress(from_fn(|i| values[i]), out);

@@ -138,6 +138,10 @@ impl Simd for Scalar {
         Portable.equal_u32(values, wanted)
     }
     #[inline(always)]
+    fn any_bits_u32(self, values: &[u32], bits: u32) -> M32x8 {
+        Portable.any_bits_u32(values, bits)
+    }
+    #[inline(always)]
     fn compress_u32(self, mask: M32x8, values: &[u32], out: &mut [u32]) {
         Portable.compress_u32(mask, values, out);
     }

@@ -152,6 +152,7 @@ impl Kernel for CullingOnly<'_> {
         let greatest = simd.greatest_of_eight(&[[a, b, c, d], [e, f, g, h]]);
         assert_eq!(greatest.to_vec(), rows.map(CullLanes::greatest).to_vec());
         let found = simd.equal_u32(&values, values[n - 1]);
+        let sharing = simd.any_bits_u32(&values, self.mask);
         for i in 0..n {
             #[expect(clippy::cast_possible_truncation, reason = "what the lanes do")]
             let expected = ((wide[i] - 0.1) * 0.25) as f32;
@@ -163,6 +164,7 @@ impl Kernel for CullingOnly<'_> {
             let lost = ((wide[i] - 0.1) * 0.25 - f64::from(expected)) as f32;
             assert_eq!(narrowing.lane(i).to_bits(), lost.to_bits());
             assert_eq!(found.bits() >> i & 1 == 1, values[i] == values[n - 1]);
+            assert_eq!(sharing.bits() >> i & 1 == 1, values[i] & self.mask != 0);
         }
     }
 }
@@ -202,7 +204,7 @@ proptest! {
     fn culling_operations_keep_their_word(
         a in prop::collection::vec(-2.0_f32..2.0, MAX_LANES),
         b in prop::collection::vec(-2.0_f32..2.0, MAX_LANES),
-        mask in any::<u32>(),
+        mask in prop_oneof![any::<u32>(), (0..32_u32).prop_map(|bit| 1 << bit), Just(0)],
     ) {
         for backend in Backend::available() {
             backend.run(CullingOnly { a: &a, b: &b, mask });

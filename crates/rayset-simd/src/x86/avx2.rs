@@ -360,6 +360,18 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn any_bits_u32(self, values: &[u32], bits: u32) -> Avx2M32 {
+        let values = &values[..8];
+        // SAFETY: the slice holds a register.
+        Avx2M32(unsafe {
+            let values = _mm256_loadu_si256(values.as_ptr().cast());
+            let shared = _mm256_and_si256(values, _mm256_set1_epi32(bits.cast_signed()));
+            let none = _mm256_cmpeq_epi32(shared, _mm256_setzero_si256());
+            _mm256_castsi256_ps(_mm256_xor_si256(none, _mm256_set1_epi32(-1)))
+        })
+    }
+
+    #[inline(always)]
     fn compress_u32(self, mask: Avx2M32, values: &[u32], out: &mut [u32]) {
         let (values, out) = (&values[..8], &mut out[..8]);
         // SAFETY: both slices hold a register.

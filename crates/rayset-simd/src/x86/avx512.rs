@@ -274,6 +274,16 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn any_bits_u32(self, values: &[u32], bits: u32) -> Avx512M32 {
+        let values = &values[..16];
+        // SAFETY: the slice holds a register.
+        Avx512M32(unsafe {
+            let values = _mm512_loadu_si512(values.as_ptr().cast());
+            _mm512_test_epi32_mask(values, _mm512_set1_epi32(bits.cast_signed()))
+        })
+    }
+
+    #[inline(always)]
     fn compress_u32(self, mask: Avx512M32, values: &[u32], out: &mut [u32]) {
         let (values, out) = (&values[..16], &mut out[..16]);
         // SAFETY: both slices hold a register.

@@ -1,0 +1,118 @@
+//! Light rays of triangles that go together, node by node, do what each would do by itself.
+
+mod together;
+mod truth;
+
+use proptest::prelude::*;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use rayset_bvh::{Hierarchy, Left, Query};
+use rayset_geometry::glam::{DVec3, dvec3};
+use rayset_geometry::{Primitive, Ray, Side, Sides, Span, Triangle};
+use rayset_simd::Backend;
+
+use together::{List, check};
+use truth::columns_of;
+
+/// Random points in a cube.
+struct Dice(ChaCha8Rng);
+
+impl Dice {
+    fn number(&mut self) -> f64 {
+        2.0 * f64::from(self.0.next_u32()) / f64::from(u32::MAX) - 1.0
+    }
+
+    fn point(&mut self) -> DVec3 {
+        dvec3(self.number(), self.number(), self.number())
+    }
+}
+
+/// Small triangles in a cube, some of which can be hit from one side alone.
+fn triangles(n: usize, dice: &mut Dice) -> Vec<(Primitive, Sides)> {
+    let sides = [Sides::Both, Sides::Front, Sides::Back, Sides::Both];
+    let mut triangle = |i: usize| {
+        let a = dice.point();
+        let triangle = Triangle::new(a, a + 0.1 * dice.point(), a + 0.1 * dice.point());
+        (triangle.into(), sides[i % 4])
+    };
+    (0..n).map(&mut triangle).collect()
+}
+
+/// Rays towards a light, as they leave triangles or from anywhere; a few have no span, or none that counts.
+fn rays(n: usize, primitives: usize, dice: &mut Dice) -> (List, Vec<Query>) {
+    let light = dvec3(0.5, 3.0, 0.25);
+    let (mut list, mut queries) = (List::default(), Vec::new());
+    for i in 0..n {
+        let ray = Ray::between(dice.point(), light + 0.1 * dice.point()).unwrap();
+        let spans = [f64::INFINITY, 3.0, 0.5, 0.25, f64::INFINITY, if i % 17 == 0 { f64::NAN } else { 2.0 }];
+        let span = Span { start: 1e-9, end: spans[i % spans.len()] };
+        let number = u32::try_from(i * 31 % primitives).unwrap();
+        let from = [None, Some((number, Side::Front)), Some((number, Side::Back))][i % 3];
+        list.push(&ray, span, from);
+        queries.push(Query { ray, span, from });
+    }
+    (list, queries)
+}
+
+/// Nodes, leaves and primitives are those of rays one by one, whatever list they stand in.
+#[test]
+fn a_stream_visits_what_each_of_its_rays_does() {
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(1));
+    // A single leaf, a few nodes, and many.
+    for n in [3, 60, 5000] {
+        let primitives = triangles(n, &mut dice);
+        let (columns, items) = columns_of(&primitives);
+        for &backend in Backend::available() {
+            let hierarchy = Hierarchy::over(&columns, &items, backend);
+            let (mut scratch, mut alone) = (hierarchy.scratch(), hierarchy.scratch());
+            for len in [300, 0, 1, 2, 3, 7, 8, 9, 15, 16, 17, 33, 127, 128, 129, 257] {
+                let (list, queries) = rays(len, primitives.len(), &mut dice);
+                let expected: Vec<_> =
+                    queries.iter().map(|query| hierarchy.occluded_with(query, &mut alone)).collect();
+                let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
+                // What stands in the places before does not matter, nor that there are more.
+                let mut occluded = vec![true; len + 1];
+                hierarchy.occluded_each(&list.columns(&left), &mut occluded, &mut scratch);
+                assert_eq!(occluded.pop(), Some(true), "{backend}: no place of another ray is written");
+                assert_eq!(occluded, expected, "{backend}, {len} rays");
+                assert_eq!(scratch.steps, alone.steps, "{backend}, {len} rays");
+                assert_eq!(scratch.primitive_tests, alone.primitive_tests, "{backend}, {len} rays");
+            }
+            assert!(n < 1000 || scratch.steps.nodes > 2000, "{backend}: {:?}", scratch.steps);
+        }
+    }
+}
+
+/// What is kept between lists has room for a hierarchy that is deeper than the last.
+#[test]
+fn a_scratch_serves_several_hierarchies() {
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(2));
+    let (few, many) = (triangles(40, &mut dice), triangles(20_000, &mut dice));
+    for &backend in Backend::available() {
+        let [few, many] = [&few, &many].map(|primitives| {
+            let (columns, items) = columns_of(primitives);
+            Hierarchy::over(&columns, &items, backend)
+        });
+        let (mut scratch, other) = (many.scratch(), many.scratch());
+        for (hierarchy, len) in [(&few, 5), (&many, 300), (&few, 300), (&many, 40)] {
+            let (list, _) = rays(len, 40, &mut dice);
+            let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
+            let [mut occluded, mut expected] = [(); 2].map(|()| vec![false; len]);
+            hierarchy.occluded_each(&list.columns(&left), &mut occluded, &mut scratch);
+            hierarchy.occluded_each(&list.columns(&left), &mut expected, &mut other.clone());
+            assert_eq!(occluded, expected, "{backend}");
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(if cfg!(debug_assertions) { 16 } else { 64 }))]
+
+    #[test]
+    fn a_stream_has_the_answers_of_a_loop(seed in any::<u64>(), n in 1..600_usize, len in 1..400_usize) {
+        let mut dice = Dice(ChaCha8Rng::seed_from_u64(seed));
+        let primitives = triangles(n, &mut dice);
+        let (list, _) = rays(len, n, &mut dice);
+        check(&primitives, &list);
+    }
+}
