@@ -181,7 +181,8 @@ impl Hierarchy {
         self.run(OfEach { question: NearestHit, rays, places: hits, scratch });
     }
 
-    /// Whether rays hit anything, one by one, as [`Hierarchy::nearest_each`].
+    /// Whether rays hit anything, as [`Hierarchy::nearest_each`]; among triangles alone they go together, node by node, so
+    /// that what they visit before they are blocked depends on the list.
     ///
     /// # Panics
     ///
