@@ -181,8 +181,8 @@ impl Hierarchy {
         self.run(OfEach { question: NearestHit, rays, places: hits, scratch });
     }
 
-    /// Whether rays hit anything, as [`Hierarchy::nearest_each`]; among triangles alone they go together, node by node, so
-    /// that what they visit before they are blocked depends on the list.
+    /// Whether rays hit anything, as [`Hierarchy::nearest_each`]; among triangles alone they go together, node by node, and
+    /// visit what each would by itself.
     ///
     /// # Panics
     ///

@@ -3,7 +3,7 @@
 //! Where any hit will do, all that a ray enters has to be visited, in any order. So nodes are visited and not rays: a node's
 //! boxes are tested by one ray after the other, and those that enter a child are listed for it. What a ray by itself takes
 //! longest for is spared, guessing where it goes on and waiting for that: guesses are made once for a list, and tests of
-//! one node by several rays do not wait for each other.
+//! one node by several rays do not wait for each other. Each ray visits what it would visit by itself, in the same order.
 //!
 //! Among triangles alone: tests of spheres need most of what is prepared of a ray, which a ray by itself keeps in registers.
 //!
@@ -18,8 +18,8 @@ use rayset_simd::{LaneMask, Part, Simd};
 use crate::columns::{RayColumns, RayOf};
 use crate::frame::Frame;
 use crate::hierarchy::{Scratch, Wide};
-use crate::node::{Child, Node, Tree};
-use crate::ray::{CullRay, CullRays};
+use crate::node::{Child, Tree};
+use crate::ray::CullRays;
 use crate::shapes::{Content, Traced};
 use crate::traverse::{Begin, BoxRay};
 
@@ -62,13 +62,6 @@ impl<const W: usize> Stream<W> {
             self.entered.resize(rays + W, 0);
             self.lists.resize(self.lists.len().max(rays + W), 0);
         }
-    }
-
-    /// The direction of a ray, in culling space.
-    #[inline(always)]
-    fn direction(&self, ray: u32) -> [f32; 3] {
-        let ray = ray as usize;
-        self.prepared[ray / W].ray(ray % W).map_or([0.0; 3], CullRay::direction)
     }
 
     /// Lists the rays here that enter a child, from a place on; where the list ends.
@@ -256,27 +249,14 @@ impl<const W: usize> Streamed<'_, W> {
         if stream.lists.len() < most {
             stream.lists.resize(most, 0);
         }
-        // The farthest first, by the first ray here and the children at both ends: what lies beside a ray's origin is
-        // entered by many rays, and blocks few.
-        let (low, high) = (children.trailing_zeros(), 31 - children.leading_zeros());
-        let is_backwards = along(node, [low, high], stream.direction(stream.here[0])) < 0.0;
+        // The last is visited first, as by a ray by itself.
         let mut end = first;
         while children != 0 {
-            let lane = if is_backwards { 31 - children.leading_zeros() } else { children.trailing_zeros() };
-            children ^= 1 << lane;
+            let lane = children.trailing_zeros();
+            children &= children - 1;
             end = stream.list(simd, n, (Child(node.children[lane as usize % W]), lane), end);
         }
     }
-}
-
-/// How much farther along a direction the second of two children lies than the first, of a node whose children are in some
-/// order in space.
-#[inline(always)]
-fn along<const W: usize>(node: &Node<W>, children: [u32; 2], direction: [f32; 3]) -> f32 {
-    let [first, second] = children.map(|child| child as usize % W);
-    let sum = |k: usize, child: usize| node.planes[k][child] + node.planes[3 + k][child];
-    let by_axis = |k: usize| direction[k] * (sum(k, second) - sum(k, first));
-    by_axis(0) + by_axis(1) + by_axis(2)
 }
 
 /// The place of a ray in a stream.

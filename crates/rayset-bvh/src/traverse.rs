@@ -284,8 +284,8 @@ fn enter_any<S: Simd, const W: usize>(
     if bits == 0 { None } else { Some(put_all(simd, node, bits, stack, height)) }
 }
 
-/// Of the children of a node that a ray enters, one at least, gives the last, and puts the others on the stack, in their
-/// order.
+/// Of the children of a node that a ray enters, one at least, gives the last, and puts the others on the stack: they are
+/// visited from the last to the first, whichever are entered.
 #[inline(always)]
 pub(crate) fn put_all<S: Simd, const W: usize>(
     simd: S,
