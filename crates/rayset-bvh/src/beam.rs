@@ -227,7 +227,7 @@ impl<S: Simd, const W: usize> Part<S> for Misses<'_, W> {
         // Where there is a leaf, it is soon come to: what was met last is visited first.
         while !current.is_leaf() {
             steps.nodes += 1;
-            let node = &tree.nodes[current.index()];
+            let node = &tree.nodes[current.node_index()];
             let met = beam.meets(simd, node, BEYOND).0;
             simd.compress_u32(met, &node.children, &mut stack[height..height + W]);
             height += met.bits().count_ones() as usize;

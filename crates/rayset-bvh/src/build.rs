@@ -170,7 +170,7 @@ pub(crate) fn build<const W: usize>(
     // More room than there will be nodes; what is not written is not there.
     let mut nodes = large_page_vec(1 + references.len() / leaf_len);
     nodes.push(Node::EMPTY);
-    let mut tree = Tree { root: Child::ROOT, nodes, depth: 1 };
+    let mut tree = Tree { root: Child::node(0, 0), nodes, depth: 1 };
     let mut leaves = Vec::new();
     if references.is_empty() {
         return (tree, leaves);
@@ -182,20 +182,21 @@ pub(crate) fn build<const W: usize>(
         leaves.push(range.clone());
         return (tree, leaves);
     }
-    tree.depth = emit(&root, 0, &mut tree, &mut leaves);
+    (tree.root, tree.depth) = emit(&root, 0, &mut tree, &mut leaves);
     (tree, leaves)
 }
 
-/// Fills a node with the best collapse of a binary subtree; returns how deep it goes.
+/// Fills a node with the best collapse of a binary subtree; returns the node as a child, and how deep it goes.
 fn emit<const W: usize>(
     binary: &Binary,
     node: usize,
     tree: &mut Tree<W>,
     leaves: &mut Vec<Range<u32>>,
-) -> usize {
+) -> (Child, usize) {
     let Binary::Inner { children, .. } = binary else { unreachable!("leaves stand in their parent's slots") };
     let mut slots = Vec::with_capacity(W);
     share(children, W, &mut slots);
+    let axis = put_along_axis(&mut slots);
     let mut depth = 0;
     for (slot, binary) in slots.into_iter().enumerate() {
         let child = match binary {
@@ -206,13 +207,31 @@ fn emit<const W: usize>(
             Binary::Inner { .. } => {
                 tree.nodes.push(Node::EMPTY);
                 let index = tree.nodes.len() - 1;
-                depth = depth.max(emit(binary, index, tree, leaves));
-                Child::node(index)
+                let (child, below) = emit(binary, index, tree, leaves);
+                depth = depth.max(below);
+                child
             }
         };
         tree.nodes[node].set(slot, binary.bounds(), child);
     }
-    depth + 1
+    (Child::node(node, axis), depth + 1)
+}
+
+/// The axis along which subtrees lie most one behind the other in the order in which they stand; they are turned round if
+/// they do so backwards.
+#[expect(clippy::cast_precision_loss, reason = "there are few")]
+fn put_along_axis(slots: &mut [&Binary]) -> u32 {
+    let middle = (slots.len() as f32 - 1.0) / 2.0;
+    let along = [0, 1, 2].map(|k| {
+        let doubled_center = |binary: &Binary| binary.bounds().low[k] + binary.bounds().high[k];
+        slots.iter().enumerate().map(|(i, binary)| (i as f32 - middle) * doubled_center(binary)).sum::<f32>()
+    });
+    let [x, y, z] = along.map(f32::abs);
+    let axis = if x >= y && x >= z { 0 } else { 2 - u32::from(y >= z) };
+    if along[axis as usize] < 0.0 {
+        slots.reverse();
+    }
+    axis
 }
 
 /// The subtrees that stand in a node's slots, given the two below it.
@@ -500,7 +519,7 @@ mod tests {
             if !child.is_leaf() || node.planes[0][slot] > node.planes[3][slot] {
                 continue;
             }
-            for i in leaves[child.index()].clone() {
+            for i in leaves[child.leaf_index()].clone() {
                 let reference = &references[i as usize];
                 seen[reference.primitive() as usize] += 1;
                 for k in 0..3 {

@@ -142,10 +142,10 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
         let is_done = loop {
             if current.is_leaf() {
                 leaves += 1;
-                asking.leaf::<ALONE>(simd, current.index());
+                asking.leaf::<ALONE>(simd, current.leaf_index());
             } else {
                 nodes += 1;
-                let node = &tree.nodes[current.index()];
+                let node = &tree.nodes[current.node_index()];
                 let (met, begin) = shaft.beam.meets(simd, node, asking.progress.reach);
                 let mut bits = met.bits();
                 let mut entered = Aligned([1; W]);
@@ -161,7 +161,7 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
                         bits &= !(u32::from(rays == 0) << lane);
                     }
                 }
-                let children = Children { node: current.0, bits, begin, entered: &entered.0 };
+                let children = Children { node: current.node_number(), bits, begin, entered: &entered.0 };
                 height = children.push::<Q>(simd, stack, height);
             }
             let next = loop {

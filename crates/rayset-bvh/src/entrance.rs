@@ -183,7 +183,7 @@ impl<S: Simd, const W: usize, const FACES: bool> Part<S> for BeginAny<'_, W, FAC
             let number = shared.trailing_zeros() as usize % W;
             shared &= shared - 1;
             tests += counts[number];
-            let node = &tree.nodes[Child(root.children[number]).index()];
+            let node = &tree.nodes[Child(root.children[number]).node_index()];
             let mut entering = Entering::new(simd);
             for child in (0..W).take_while(|&child| !node.is_empty(child)) {
                 let (mut enters, _) = enter(simd, node, child, &rays, ends);
@@ -213,24 +213,35 @@ impl<const W: usize> Begin<W> for Entered<'_, W> {
     }
 
     #[inline(always)]
-    fn any<S: Simd>(&self, simd: S, tree: &Tree<W>, stack: &mut [u32], height: &mut usize) -> Option<Child> {
+    fn any<S: Simd>(
+        &self,
+        simd: S,
+        tree: &Tree<W>,
+        turned: u32,
+        stack: &mut [u32],
+        height: &mut usize,
+    ) -> Option<Child> {
         let Self { entrance, ray } = *self;
         let (root, entered) = (&tree.nodes[0], entrance.of(ray));
         let (mut tested, others) = (entered & entrance.tested, entered & !entrance.tested);
+        let is_turned = tree.root.is_turned(turned);
         let mut next = None;
         if others != 0 {
-            next = Some(put_all(simd, root, others, stack, height));
+            next = Some(put_all(simd, (root, is_turned), others, stack, height));
         }
+        // What is put last is visited first.
         while tested != 0 {
-            let child = tested.trailing_zeros() as usize % W;
-            tested &= tested - 1;
+            let lane = if is_turned { 31 - tested.leading_zeros() } else { tested.trailing_zeros() };
+            tested ^= 1 << lane;
+            let child = lane as usize % W;
             let below = bits(entrance.entered_below[child][ray]);
             if below != 0 {
                 if let Some(next) = next {
                     stack[*height] = next.0;
                     *height += 1;
                 }
-                let node = &tree.nodes[Child(root.children[child]).index()];
+                let child = Child(root.children[child]);
+                let node = (&tree.nodes[child.node_index()], child.is_turned(turned));
                 next = Some(put_all(simd, node, below, stack, height));
             }
         }
@@ -285,12 +296,12 @@ mod tests {
             if slot % 3 != 1 {
                 let mut node = Node::EMPTY;
                 (0..=(slot * 5) % W).for_each(|slot| set(&mut node, slot, None));
-                below = Some(Child::node(nodes.len()));
+                below = Some(Child::node(nodes.len(), (slot % 3) as u32));
                 nodes.push(node);
             }
             set(&mut nodes[0], slot, below);
         }
-        Tree { root: Child::ROOT, nodes, depth: 2 }
+        Tree { root: Child::node(0, 1), nodes, depth: 2 }
     }
 
     fn compare<S: Simd, const W: usize>(simd: S) -> [usize; 4] {
@@ -357,7 +368,7 @@ mod tests {
                     }
                     expected_tests += u64::from(open >> i & 1);
                     tested += 1;
-                    let node = &tree.nodes[at.index()];
+                    let node = &tree.nodes[at.node_index()];
                     let below = by_itself(node, i).expect("it enters something").0;
                     expected.extend(
                         (0..W).filter(|child| below >> child & 1 == 1).map(|child| node.children[child]),
@@ -366,7 +377,7 @@ mod tests {
                 if bits != 0 {
                     let (mut stack, mut height) = (Stack::of(&tree), 0);
                     let begin = Entered { entrance: &entrance, ray: i };
-                    let next = begin.any(simd, &tree, &mut stack.children, &mut height);
+                    let next = begin.any(simd, &tree, i as u32 % 8, &mut stack.children, &mut height);
                     let mut found = stack.children[..height].to_vec();
                     found.extend(next.map(|child| child.0));
                     found.sort_unstable();

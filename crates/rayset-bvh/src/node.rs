@@ -8,20 +8,23 @@ const NOWHERE: f32 = 1e18;
 /// The bit of a child that says that it is a leaf.
 const LEAF: u32 = 1 << 31;
 
+/// Where the axis of a node stands in a child, and the bits of its number below.
+const AXIS: u32 = 29;
+const NODE: u32 = (1 << AXIS) - 1;
+
 /// A child: another node, or a leaf.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub(crate) struct Child(pub(crate) u32);
 
 impl Child {
-    pub(crate) const ROOT: Self = Self(0);
-
-    pub(crate) fn node(index: usize) -> Self {
-        Self(checked(index))
+    /// A node whose children stand along an axis.
+    pub(crate) fn node(index: usize, axis: u32) -> Self {
+        Self(checked(index, NODE) | axis << AXIS)
     }
 
     pub(crate) fn leaf(index: usize) -> Self {
-        Self(checked(index) | LEAF)
+        Self(checked(index, !LEAF) | LEAF)
     }
 
     #[inline(always)]
@@ -29,15 +32,35 @@ impl Child {
         self.0 & LEAF != 0
     }
 
+    /// Of a leaf.
     #[inline(always)]
-    pub(crate) fn index(self) -> usize {
+    pub(crate) fn leaf_index(self) -> usize {
         (self.0 & !LEAF) as usize
+    }
+
+    /// Of a node.
+    #[inline(always)]
+    pub(crate) fn node_index(self) -> usize {
+        self.node_number() as usize
+    }
+
+    /// The same as it is kept.
+    #[inline(always)]
+    pub(crate) fn node_number(self) -> u32 {
+        self.0 & NODE
+    }
+
+    /// Of a node, whether a ray visits its children from the first to the last where any hit will do, given the axes along
+    /// which it runs backwards, a bit each: what lies farthest along the ray comes first.
+    #[inline(always)]
+    pub(crate) fn is_turned(self, turned: u32) -> bool {
+        turned >> (self.0 >> AXIS & 3) & 1 == 1
     }
 }
 
-/// An index of 31 bits.
-fn checked(index: usize) -> u32 {
-    u32::try_from(index).ok().filter(|index| index & LEAF == 0).expect("at most 2^31 nodes or leaves")
+/// An index that is not too large.
+fn checked(index: usize, greatest: u32) -> u32 {
+    u32::try_from(index).ok().filter(|&index| index <= greatest).expect("at most 2^29 nodes, and 2^31 leaves")
 }
 
 /// `W` boxes and what they hold.
@@ -96,7 +119,7 @@ impl<const W: usize> Tree<W> {
         for child in children.chain([&mut self.root.0]) {
             // An empty slot has the number of a leaf that is never met.
             if Child(*child).is_leaf()
-                && let Some(&label) = labels.get(Child(*child).index())
+                && let Some(&label) = labels.get(Child(*child).leaf_index())
             {
                 *child = Child::leaf(label as usize).0;
             }

@@ -471,6 +471,13 @@ impl<const W: usize> CullRays<W> {
         }
     }
 
+    /// The lanes whose rays run backwards along some axes, a bit each, and along no others.
+    #[inline(always)]
+    pub(crate) fn turned(&self, axes: u32) -> u32 {
+        let [x, y, z] = [0, 1, 2].map(|k| self.turned[k] ^ (axes >> k & 1).wrapping_sub(1));
+        x & y & z
+    }
+
     /// The lanes, of the first so many, whose rays may hit something.
     #[inline(always)]
     pub(crate) fn found(&self, len: usize) -> u32 {

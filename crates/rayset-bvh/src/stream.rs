@@ -33,6 +33,8 @@ const LEAST: usize = 3;
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     child: Child,
+    /// The axes along which all of them run backwards, a bit each; along the others none does.
+    turned: u32,
     /// Where their list begins, and how long it is.
     first: usize,
     len: usize,
@@ -46,6 +48,8 @@ struct Stream<const W: usize> {
     waiting: Vec<Waiting>,
     /// Lists of rays by their places in the stream, one behind the other: of what waits.
     lists: Vec<u32>,
+    /// The places of rays in a stream, as numbers.
+    numbers: Vec<u32>,
     /// The rays at a node, and the children that each enters, a bit each.
     here: Vec<u32>,
     entered: Vec<u32>,
@@ -58,6 +62,7 @@ impl<const W: usize> Stream<W> {
             self.prepared.resize(rays.div_ceil(W), CullRays::NONE);
             self.departures.resize(rays, None);
             // Whole registers are written, and read, where lists end.
+            self.numbers = (0..rays + W).map(number).collect();
             self.here.resize(rays + W, 0);
             self.entered.resize(rays + W, 0);
             self.lists.resize(self.lists.len().max(rays + W), 0);
@@ -66,14 +71,21 @@ impl<const W: usize> Stream<W> {
 
     /// Lists the rays here that enter a child, from a place on; where the list ends.
     #[inline(always)]
-    fn list<S: Simd>(&mut self, simd: S, n: usize, (child, lane): (Child, u32), first: usize) -> usize {
+    fn list<S: Simd>(
+        &mut self,
+        simd: S,
+        n: usize,
+        (child, lane): (Child, u32),
+        place: (u32, usize),
+    ) -> usize {
+        let (turned, first) = place;
         let mut end = first;
         for block in (0..n).step_by(W) {
             let lanes = simd.any_bits_u32(&self.entered[block..block + W], 1 << lane);
             simd.compress_u32(lanes, &self.here[block..block + W], &mut self.lists[end..end + W]);
             end += lanes.bits().count_ones() as usize;
         }
-        self.waiting.push(Waiting { child, first, len: end - first });
+        self.waiting.push(Waiting { child, turned, first, len: end - first });
         end
     }
 }
@@ -99,7 +111,7 @@ impl<const W: usize> Begin<W> for At {
     }
 
     #[inline(always)]
-    fn any<S: Simd>(&self, _: S, _: &Tree<W>, _: &mut [u32], _: &mut usize) -> Option<Child> {
+    fn any<S: Simd>(&self, _: S, _: &Tree<W>, _: u32, _: &mut [u32], _: &mut usize) -> Option<Child> {
         Some(self.0)
     }
 }
@@ -144,7 +156,7 @@ struct Streamed<'a, const W: usize> {
 }
 
 impl<const W: usize> Streamed<'_, W> {
-    /// Prepares the rays, and lets those that may hit something wait for the root.
+    /// Prepares the rays, and lets those that may hit something wait for the root, in a list for each way that rays run.
     #[inline(always)]
     fn begin<S: Simd, C: Content>(
         &self,
@@ -154,20 +166,29 @@ impl<const W: usize> Streamed<'_, W> {
         stream: &mut Stream<W>,
     ) {
         let Self { wide, columns, first } = *self;
-        let mut n = 0;
+        let mut ways = 0;
         for (block, places) in places.chunks_mut(W).enumerate() {
             let (at, prepared) = (block * W, &mut stream.prepared[block]);
             prepared.prepare(simd, frame, &columns, (first + at, places.len()), wide.targets::<C>());
             let found = prepared.found(places.len());
+            ways |= (0..8).map(|way| u32::from(prepared.turned(way) & found != 0) << way).sum::<u32>();
             for (lane, place) in places.iter_mut().enumerate() {
                 *place = false;
                 stream.departures[at + lane] = wide.shapes.departure(columns.left(first + at + lane));
-                stream.lists[n] = number(at + lane);
-                n += (found >> lane & 1) as usize;
             }
         }
         stream.waiting.clear();
-        stream.waiting.push(Waiting { child: wide.tree.root, first: 0, len: n });
+        let (child, mut end) = (wide.tree.root, 0);
+        for turned in (0..8).filter(|way| ways >> way & 1 == 1) {
+            let first = end;
+            for (block, prepared) in stream.prepared[..places.len().div_ceil(W)].iter().enumerate() {
+                let of = block * W..places.len().min((block + 1) * W);
+                let lanes = simd.mask_f32(prepared.turned(turned) & prepared.found(of.len()));
+                simd.compress_u32(lanes, &stream.numbers[of.start..], &mut stream.lists[end..]);
+                end += lanes.bits().count_ones() as usize;
+            }
+            stream.waiting.push(Waiting { child, turned, first, len: end - first });
+        }
     }
 
     /// Visits what waits, the last first.
@@ -179,7 +200,7 @@ impl<const W: usize> Streamed<'_, W> {
         stream: &mut Stream<W>,
         scratch: &mut Scratch,
     ) {
-        while let Some(Waiting { child, first, len }) = stream.waiting.pop() {
+        while let Some(Waiting { child, turned, first, len }) = stream.waiting.pop() {
             let mut n = 0;
             for &ray in &stream.lists[first..first + len] {
                 stream.here[n] = ray;
@@ -189,7 +210,7 @@ impl<const W: usize> Streamed<'_, W> {
                 self.visit_each::<S, C>(simd, child, n, places, stream, scratch);
             } else {
                 scratch.steps.nodes += n as u64;
-                self.enter::<S, C>(simd, child, n, first, stream);
+                self.enter::<S, C>(simd, child, n, (turned, first), stream);
             }
         }
     }
@@ -214,7 +235,7 @@ impl<const W: usize> Streamed<'_, W> {
             places[ray] = if child.is_leaf() {
                 scratch.steps.leaves += 1;
                 let (end, tests) = (cull.end_above(), &mut scratch.primitive_tests);
-                wide.shapes.any::<S, C>(simd, child.index(), &traced, end, tests, &mut None)
+                wide.shapes.any::<S, C>(simd, child.leaf_index(), &traced, end, tests, &mut None)
             } else {
                 wide.occluded_of::<S, C, false>(simd, &At(child), &traced, scratch)
             };
@@ -228,10 +249,10 @@ impl<const W: usize> Streamed<'_, W> {
         simd: S,
         child: Child,
         n: usize,
-        first: usize,
+        (turned, first): (u32, usize),
         stream: &mut Stream<W>,
     ) {
-        let node = &self.wide.tree.nodes[child.index()];
+        let node = &self.wide.tree.nodes[child.node_index()];
         let mut children = 0;
         for (&ray, entered) in stream.here[..n].iter().zip(&mut stream.entered) {
             let ray = ray as usize;
@@ -249,12 +270,12 @@ impl<const W: usize> Streamed<'_, W> {
         if stream.lists.len() < most {
             stream.lists.resize(most, 0);
         }
-        // The last is visited first, as by a ray by itself.
-        let mut end = first;
+        // What is listed last is visited first: in the order of a ray by itself.
+        let (mut end, is_turned) = (first, child.is_turned(turned));
         while children != 0 {
-            let lane = children.trailing_zeros();
-            children &= children - 1;
-            end = stream.list(simd, n, (Child(node.children[lane as usize % W]), lane), end);
+            let lane = if is_turned { 31 - children.leading_zeros() } else { children.trailing_zeros() };
+            children ^= 1 << lane;
+            end = stream.list(simd, n, (Child(node.children[lane as usize % W]), lane), (turned, end));
         }
     }
 }

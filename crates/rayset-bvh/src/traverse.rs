@@ -21,8 +21,15 @@ pub(crate) trait Visitor {
 pub(crate) trait Begin<const W: usize> {
     /// For the nearest hit: the nearest child, and the others with their distances.
     fn nearest(&self, tree: &Tree<W>, stack: &mut [u64], height: &mut usize) -> Child;
-    /// For any hit: a child, if there is any, and the others.
-    fn any<S: Simd>(&self, simd: S, tree: &Tree<W>, stack: &mut [u32], height: &mut usize) -> Option<Child>;
+    /// For any hit, by a ray that runs backwards along some axes: a child, if there is any, and the others.
+    fn any<S: Simd>(
+        &self,
+        simd: S,
+        tree: &Tree<W>,
+        turned: u32,
+        stack: &mut [u32],
+        height: &mut usize,
+    ) -> Option<Child>;
 }
 
 /// Begins at the root.
@@ -35,7 +42,7 @@ impl<const W: usize> Begin<W> for AtRoot {
     }
 
     #[inline(always)]
-    fn any<S: Simd>(&self, _: S, tree: &Tree<W>, _: &mut [u32], _: &mut usize) -> Option<Child> {
+    fn any<S: Simd>(&self, _: S, tree: &Tree<W>, _: u32, _: &mut [u32], _: &mut usize) -> Option<Child> {
         Some(tree.root)
     }
 }
@@ -246,7 +253,7 @@ pub(crate) fn traverse<S: Simd, V: Visitor, const W: usize>(
     loop {
         if current.is_leaf() {
             leaves += 1;
-            match visitor.leaf(current.index()) {
+            match visitor.leaf(current.leaf_index()) {
                 None => break,
                 Some(end) => {
                     ends = simd.splat_f32(end);
@@ -255,7 +262,7 @@ pub(crate) fn traverse<S: Simd, V: Visitor, const W: usize>(
             }
         } else {
             nodes += 1;
-            let node = &tree.nodes[current.index()];
+            let node = &tree.nodes[current.node_index()];
             if let Some(child) = enter(simd, node, &ray, ends, stack, &mut height) {
                 current = child;
                 continue;
@@ -270,40 +277,27 @@ pub(crate) fn traverse<S: Simd, V: Visitor, const W: usize>(
     steps.leaves += leaves;
 }
 
-/// The children of a node that a ray enters: one, and the others on the stack.
-#[inline(always)]
-fn enter_any<S: Simd, const W: usize>(
-    simd: S,
-    node: &Node<W>,
-    ray: &BoxRay<S>,
-    ends: S::F32,
-    stack: &mut [u32],
-    height: &mut usize,
-) -> Option<Child> {
-    let (bits, _) = ray.test(simd, node, ends);
-    if bits == 0 { None } else { Some(put_all(simd, node, bits, stack, height)) }
-}
-
-/// Of the children of a node that a ray enters, one at least, gives the last, and puts the others on the stack: they are
-/// visited from the last to the first, whichever are entered.
+/// Of the children of a node that a ray enters, one at least, gives that which is visited first, and puts the others on the
+/// stack: they are visited from the last to the first, or the other way round, whichever are entered.
 #[inline(always)]
 pub(crate) fn put_all<S: Simd, const W: usize>(
     simd: S,
-    node: &Node<W>,
+    (node, is_turned): (&Node<W>, bool),
     bits: u32,
     stack: &mut [u32],
     height: &mut usize,
 ) -> Child {
-    let last = 31 - bits.leading_zeros();
-    let others = bits ^ 1 << last;
-    simd.compress_u32(simd.mask_f32(others), &node.children, &mut stack[*height..*height + W]);
+    let first = if is_turned { bits.trailing_zeros() } else { 31 - bits.leading_zeros() };
+    let others = bits ^ 1 << first;
+    let place = &mut stack[*height..*height + W];
+    simd.compress_u32_either_way(simd.mask_f32(others), &node.children, is_turned, place);
     *height += others.count_ones() as usize;
-    Child(node.children[last as usize % W])
+    Child(node.children[first as usize % W])
 }
 
 /// Visits leaves whose boxes the ray may meet, in any order, until one says that the ray is stopped; whether one did.
 ///
-/// What is met is put on the stack all at once: without an order there is no number of children to guess.
+/// What is met is put on the stack all at once: without distances there is no number of children to guess.
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "as above")]
 pub(crate) fn is_stopped<S: Simd, V: Visitor, const W: usize>(
@@ -317,22 +311,24 @@ pub(crate) fn is_stopped<S: Simd, V: Visitor, const W: usize>(
     visitor: &mut V,
 ) -> bool {
     assert!(S::F32::LANES == W, "a node is as wide as the lanes");
-    let (ray, ends) = (BoxRay::new(simd, ray, V::FACES), simd.splat_f32(end));
+    let (turned, ends) = (ray.turned(), simd.splat_f32(end));
+    let ray = BoxRay::new(simd, ray, V::FACES);
     let stack = stack.children.as_mut_slice();
     let mut height = 0;
-    let Some(mut current) = begin.any(simd, tree, stack, &mut height) else { return false };
+    let Some(mut current) = begin.any(simd, tree, turned, stack, &mut height) else { return false };
     let (mut nodes, mut leaves) = (0, 0);
     let is_stopped = loop {
         if current.is_leaf() {
             leaves += 1;
-            if visitor.leaf(current.index()).is_none() {
+            if visitor.leaf(current.leaf_index()).is_none() {
                 break true;
             }
         } else {
             nodes += 1;
-            let node = &tree.nodes[current.index()];
-            if let Some(child) = enter_any(simd, node, &ray, ends, stack, &mut height) {
-                current = child;
+            let node = &tree.nodes[current.node_index()];
+            let (bits, _) = ray.test(simd, node, ends);
+            if bits != 0 {
+                current = put_all(simd, (node, current.is_turned(turned)), bits, stack, &mut height);
                 continue;
             }
         }

@@ -240,4 +240,16 @@ pub trait Simd: Copy + Debug + Send + Sync + 'static {
     ///
     /// If either is shorter than [`Lanes::LANES`] of `F32`.
     fn compress_u32(self, mask: <Self::F32 as Lanes>::Mask, values: &[u32], out: &mut [u32]);
+    /// The same, or in the opposite order.
+    ///
+    /// # Panics
+    ///
+    /// As above.
+    fn compress_u32_either_way(
+        self,
+        mask: <Self::F32 as Lanes>::Mask,
+        values: &[u32],
+        is_turned: bool,
+        out: &mut [u32],
+    );
 }

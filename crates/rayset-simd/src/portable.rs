@@ -277,4 +277,11 @@ impl Simd for Portable {
         let values = &values[..8];
         mask.compress(from_fn(|i| values[i]), out);
     }
+    #[inline(always)]
+    fn compress_u32_either_way(self, mask: M32x8, values: &[u32], is_turned: bool, out: &mut [u32]) {
+        self.compress_u32(mask, values, out);
+        if is_turned {
+            out[..mask.bits().count_ones() as usize].reverse();
+        }
+    }
 }

@@ -145,4 +145,8 @@ impl Simd for Scalar {
     fn compress_u32(self, mask: M32x8, values: &[u32], out: &mut [u32]) {
         Portable.compress_u32(mask, values, out);
     }
+    #[inline(always)]
+    fn compress_u32_either_way(self, mask: M32x8, values: &[u32], is_turned: bool, out: &mut [u32]) {
+        Portable.compress_u32_either_way(mask, values, is_turned, out);
+    }
 }

@@ -126,9 +126,13 @@ impl Kernel for CullingOnly<'_> {
         a.compress(mask, &mut front);
         let values: [u32; MAX_LANES] = std::array::from_fn(|i| self.a[i].to_bits());
         simd.compress_u32(mask, &values, &mut ids);
+        let mut either_way = [[0; MAX_LANES]; 2];
+        simd.compress_u32_either_way(mask, &values, false, &mut either_way[0]);
+        simd.compress_u32_either_way(mask, &values, true, &mut either_way[1]);
         for (k, &lane) in lanes.iter().enumerate() {
             assert_eq!(front[k].to_bits(), self.a[lane].to_bits());
-            assert_eq!(ids[k], values[lane]);
+            let last = lanes[lanes.len() - 1 - k];
+            assert_eq!([ids[k], either_way[0][k], either_way[1][k]], [lane, lane, last].map(|i| values[i]));
         }
         let mut place = b;
         a.put(mask, &mut place);

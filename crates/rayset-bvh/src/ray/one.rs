@@ -63,6 +63,13 @@ impl<const W: usize> CullRay<'_, W> {
         [near, [3 - 3 * turned[0], 4 - 3 * turned[1], 5 - 3 * turned[2]]]
     }
 
+    /// The axes along which it runs backwards, a bit each.
+    #[inline(always)]
+    pub(crate) fn turned(self) -> u32 {
+        let [x, y, z] = self.rays.turned.map(|lanes| lanes >> self.lane & 1);
+        x | y << 1 | z << 2
+    }
+
     /// The origin in culling space, moved along the ray if it was far off.
     #[inline(always)]
     pub(crate) fn origin(self) -> [f32; 3] {

@@ -380,6 +380,22 @@ impl Simd for Avx2 {
             _mm256_storeu_si256(out.as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(values, front(mask)));
         }
     }
+
+    #[inline(always)]
+    fn compress_u32_either_way(self, mask: Avx2M32, values: &[u32], is_turned: bool, out: &mut [u32]) {
+        let (values, out) = (&values[..8], &mut out[..8]);
+        let count = mask.bits().count_ones().cast_signed();
+        let turn = -i32::from(is_turned);
+        // SAFETY: both slices hold a register. Turned, what goes to a lane stood as far before the end as it is behind the
+        // start: `!i + count`.
+        unsafe {
+            let values = _mm256_loadu_si256(values.as_ptr().cast());
+            let values = _mm256_permutevar8x32_epi32(values, front(mask));
+            let lane = _mm256_xor_si256(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), _mm256_set1_epi32(turn));
+            let lane = _mm256_add_epi32(lane, _mm256_set1_epi32(turn & count));
+            _mm256_storeu_si256(out.as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(values, lane));
+        }
+    }
 }
 
 /// Runs a kernel compiled for this backend.

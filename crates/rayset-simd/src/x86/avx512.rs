@@ -292,6 +292,23 @@ impl Simd for Avx512 {
             _mm512_storeu_si512(out.as_mut_ptr().cast(), _mm512_maskz_compress_epi32(mask.0, values));
         }
     }
+
+    #[inline(always)]
+    fn compress_u32_either_way(self, mask: Avx512M32, values: &[u32], is_turned: bool, out: &mut [u32]) {
+        let (values, out) = (&values[..16], &mut out[..16]);
+        let count = mask.bits().count_ones().cast_signed();
+        let turn = -i32::from(is_turned);
+        // SAFETY: both slices hold a register. Turned, what goes to a lane stood as far before the end as it is behind the
+        // start: `!i + count`.
+        unsafe {
+            let values = _mm512_loadu_si512(values.as_ptr().cast());
+            let values = _mm512_maskz_compress_epi32(mask.0, values);
+            let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+            let lanes = _mm512_xor_si512(lanes, _mm512_set1_epi32(turn));
+            let lanes = _mm512_add_epi32(lanes, _mm512_set1_epi32(turn & count));
+            _mm512_storeu_si512(out.as_mut_ptr().cast(), _mm512_permutexvar_epi32(lanes, values));
+        }
+    }
 }
 
 /// Runs a kernel compiled for this backend.
