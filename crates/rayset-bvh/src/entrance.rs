@@ -10,7 +10,7 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Part, Simd};
 use crate::node::{Child, Node, Tree};
 use crate::packet::Mask;
 use crate::ray::{CullRays, FacesOfRays, SlabsOfRays};
-use crate::traverse::{Begin, put_all, put_by_distance};
+use crate::traverse::{Begin, push_all, put_by_distance};
 
 /// Fewer rays than this test a node below the root one by one.
 const LEAST_RAYS: u32 = 4;
@@ -222,30 +222,27 @@ impl<const W: usize> Begin<W> for Entered<'_, W> {
         height: &mut usize,
     ) -> Option<Child> {
         let Self { entrance, ray } = *self;
-        let (root, entered) = (&tree.nodes[0], entrance.of(ray));
-        let (mut tested, others) = (entered & entrance.tested, entered & !entrance.tested);
-        let is_turned = tree.root.is_turned(turned);
-        let mut next = None;
-        if others != 0 {
-            next = Some(put_all(simd, (root, is_turned), others, stack, height));
-        }
-        // What is put last is visited first.
-        while tested != 0 {
-            let lane = if is_turned { 31 - tested.leading_zeros() } else { tested.trailing_zeros() };
-            tested ^= 1 << lane;
-            let child = lane as usize % W;
-            let below = bits(entrance.entered_below[child][ray]);
-            if below != 0 {
-                if let Some(next) = next {
-                    stack[*height] = next.0;
-                    *height += 1;
-                }
-                let child = Child(root.children[child]);
+        let (root, is_turned) = (&tree.nodes[0], tree.root.is_turned(turned));
+        let mut entered = entrance.of(ray);
+        // What is pushed last is visited first.
+        while entered != 0 {
+            let lane = if is_turned { 31 - entered.leading_zeros() } else { entered.trailing_zeros() };
+            entered ^= 1 << lane;
+            let slot = lane as usize % W;
+            let child = Child(root.children[slot]);
+            if entrance.tested >> slot & 1 == 1 {
                 let node = (&tree.nodes[child.node_index()], child.is_turned(turned));
-                next = Some(put_all(simd, node, below, stack, height));
+                push_all(simd, node, bits(entrance.entered_below[slot][ray]), stack, height);
+            } else {
+                stack[*height] = child.0;
+                *height += 1;
             }
         }
-        next
+        if *height == 0 {
+            return None;
+        }
+        *height -= 1;
+        Some(Child(stack[*height]))
     }
 }
 
@@ -296,7 +293,7 @@ mod tests {
             if slot % 3 != 1 {
                 let mut node = Node::EMPTY;
                 (0..=(slot * 5) % W).for_each(|slot| set(&mut node, slot, None));
-                below = Some(Child::node(nodes.len(), (slot % 3) as u32));
+                below = Some(Child::node(nodes.len(), [0, 1, 2][slot % 3]));
                 nodes.push(node);
             }
             set(&mut nodes[0], slot, below);
@@ -377,7 +374,8 @@ mod tests {
                 if bits != 0 {
                     let (mut stack, mut height) = (Stack::of(&tree), 0);
                     let begin = Entered { entrance: &entrance, ray: i };
-                    let next = begin.any(simd, &tree, i as u32 % 8, &mut stack.children, &mut height);
+                    let turned = [0, 1, 2, 3, 4, 5, 6, 7][i % 8];
+                    let next = begin.any(simd, &tree, turned, &mut stack.children, &mut height);
                     let mut found = stack.children[..height].to_vec();
                     found.extend(next.map(|child| child.0));
                     found.sort_unstable();

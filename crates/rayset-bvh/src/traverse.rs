@@ -277,10 +277,9 @@ pub(crate) fn traverse<S: Simd, V: Visitor, const W: usize>(
     steps.leaves += leaves;
 }
 
-/// Of the children of a node that a ray enters, one at least, gives that which is visited first, and puts the others on the
-/// stack: they are visited from the last to the first, or the other way round, whichever are entered.
+/// Of the children of a node that a ray enters, one at least, gives that which is visited first, and pushes the others.
 #[inline(always)]
-pub(crate) fn put_all<S: Simd, const W: usize>(
+fn put_all<S: Simd, const W: usize>(
     simd: S,
     (node, is_turned): (&Node<W>, bool),
     bits: u32,
@@ -288,11 +287,23 @@ pub(crate) fn put_all<S: Simd, const W: usize>(
     height: &mut usize,
 ) -> Child {
     let first = if is_turned { bits.trailing_zeros() } else { 31 - bits.leading_zeros() };
-    let others = bits ^ 1 << first;
-    let place = &mut stack[*height..*height + W];
-    simd.compress_u32_either_way(simd.mask_f32(others), &node.children, is_turned, place);
-    *height += others.count_ones() as usize;
+    push_all(simd, (node, is_turned), bits ^ 1 << first, stack, height);
     Child(node.children[first as usize % W])
+}
+
+/// Puts the children of a node that a ray enters on the stack, to be visited from the last to the first, or the other way
+/// round, whichever they are.
+#[inline(always)]
+pub(crate) fn push_all<S: Simd, const W: usize>(
+    simd: S,
+    (node, is_turned): (&Node<W>, bool),
+    bits: u32,
+    stack: &mut [u32],
+    height: &mut usize,
+) {
+    let place = &mut stack[*height..*height + W];
+    simd.compress_u32_either_way(simd.mask_f32(bits), &node.children, is_turned, place);
+    *height += bits.count_ones() as usize;
 }
 
 /// Visits leaves whose boxes the ray may meet, in any order, until one says that the ray is stopped; whether one did.

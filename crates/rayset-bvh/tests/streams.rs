@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayset_bvh::{Hierarchy, Left, Query};
 use rayset_geometry::glam::{DVec3, dvec3};
-use rayset_geometry::{Primitive, Ray, Side, Sides, Span, Triangle};
+use rayset_geometry::{Primitive, Ray, Side, Sides, Span, Sphere, Triangle};
 use rayset_simd::Backend;
 
 use together::{List, check};
@@ -83,7 +83,8 @@ fn a_stream_visits_what_each_of_its_rays_does() {
     }
 }
 
-/// In a row of triangles between two that are hit, whichever way it runs, the far end is where rays look first.
+/// In a row between two shapes that are hit, whichever way it runs, the far end is where rays look first: among triangles,
+/// which lists visit node by node, and among spheres, where each ray goes on by itself.
 #[test]
 fn what_lies_farthest_is_looked_at_first() {
     let across = |x: f64, y: f64, z: f64, axis: usize| match axis {
@@ -91,29 +92,35 @@ fn what_lies_farthest_is_looked_at_first() {
         1 => dvec3(y, z, x),
         _ => dvec3(x, y, z),
     };
-    for axis in 0..3 {
-        // Beside the line through the middle of their boxes; the first and the last lie on it.
-        let triangle = |i: u32| {
-            let (z, x) = (f64::from(i), if i == 0 || i == 999 { 2.0 } else { -1.0 });
-            let corner = |x: f64, y: f64| across(x, y, z, axis);
-            (Primitive::from(Triangle::new(corner(-1.0, 1.0), corner(1.0, -1.0), corner(x, x))), Sides::Both)
-        };
-        let primitives: Vec<_> = (0..1000).map(triangle).collect();
+    // Beside a line that passes through their boxes; the first and the last lie on it.
+    let triangle = |i: u32, axis: usize| {
+        let (z, x) = (f64::from(i), if i == 0 || i == 999 { 2.0 } else { -1.0 });
+        let corner = |x: f64, y: f64| across(x, y, z, axis);
+        Primitive::from(Triangle::new(corner(-1.0, 1.0), corner(1.0, -1.0), corner(x, x)))
+    };
+    let sphere = |i: u32, axis: usize| {
+        let x = if i == 0 || i == 999 { 0.0 } else { -0.5 };
+        Primitive::from(Sphere::new(across(x, x, f64::from(i), axis), 1.0))
+    };
+    for (axis, are_flat) in [0, 1, 2].map(|axis| [(axis, true), (axis, false)]).into_iter().flatten() {
+        let primitive = |i| (if are_flat { triangle(i, axis) } else { sphere(i, axis) }, Sides::Both);
+        let primitives: Vec<_> = (0..1000).map(primitive).collect();
         let (columns, items) = columns_of(&primitives);
         for &backend in Backend::available() {
             let hierarchy = Hierarchy::over(&columns, &items, backend);
-            for (z, sense) in [(0.5, 1.0), (998.5, -1.0)] {
+            for (z, sense) in [(2.0, 1.0), (997.0, -1.0)] {
                 let ray = Ray::new(across(0.25, 0.25, z, axis), across(0.0, 0.0, sense, axis));
                 let (span, from) = (Span { start: 0.0, end: f64::INFINITY }, None);
                 let mut scratch = hierarchy.scratch();
                 assert!(hierarchy.occluded_with(&Query { ray, span, from }, &mut scratch));
                 assert_eq!(scratch.steps.leaves, 1, "{backend}, axis {axis}, {sense}");
-                // Alone, few, and many, of which each lane's way is read.
+                // Alone, a few, and many.
                 for len in [1, 2, 40] {
                     let mut list = List::default();
                     (0..len).for_each(|_| list.push(&ray, span, from));
+                    let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
                     let (mut occluded, mut scratch) = (vec![false; len], hierarchy.scratch());
-                    hierarchy.occluded_each(&list.columns(&[]), &mut occluded, &mut scratch);
+                    hierarchy.occluded_each(&list.columns(&left), &mut occluded, &mut scratch);
                     assert_eq!((occluded, scratch.steps.leaves), (vec![true; len], len as u64), "{backend}");
                 }
             }
