@@ -77,6 +77,8 @@ struct Children<'a, S: Simd, const W: usize> {
     bits: u32,
     begin: S::F32,
     entered: &'a [u32; W],
+    /// Whether the first is visited first where it is not asked where hits are, and not the last.
+    is_turned: bool,
 }
 
 impl<S: Simd, const W: usize> Children<'_, S, W> {
@@ -85,10 +87,11 @@ impl<S: Simd, const W: usize> Children<'_, S, W> {
     /// The place of each follows from how many lie farther: sorting them would be one guess after the other.
     #[inline(always)]
     fn push<Q: Question<S, W>>(self, simd: S, stack: &mut [Pending], height: usize) -> usize {
-        let Self { node, bits, begin, entered } = self;
+        let Self { node, bits, begin, entered, is_turned } = self;
         let mut begins = Aligned([0.0; W]);
         begin.store(&mut begins.0);
         let (mut rest, mut n) = (bits, 0);
+        let all = bits.count_ones() as usize;
         while rest != 0 {
             let lane = rest.trailing_zeros();
             rest &= rest - 1;
@@ -98,6 +101,8 @@ impl<S: Simd, const W: usize> Children<'_, S, W> {
                 let others = simd.splat_f32(at);
                 let farther = begin.gt(others).bits() | begin.eq(others).bits() & ((1 << lane) - 1);
                 place = (farther & bits).count_ones() as usize;
+            } else if is_turned {
+                place = all - 1 - n;
             }
             let entered = entered[lane as usize % W];
             stack[height + place] = Pending { node, lane, begin: at, entered };
@@ -161,7 +166,8 @@ impl<S: Simd, Q: Question<S, W>, const W: usize> Descent<'_, S, Q, W> {
                         bits &= !(u32::from(rays == 0) << lane);
                     }
                 }
-                let children = Children { node: current.node_number(), bits, begin, entered: &entered.0 };
+                let (node, is_turned) = (current.node_number(), current.is_turned(shaft.turned));
+                let children = Children { node, bits, begin, entered: &entered.0, is_turned };
                 height = children.push::<Q>(simd, stack, height);
             }
             let next = loop {
@@ -225,6 +231,7 @@ mod tests {
         begins: [f32; 16],
         bits: u32,
         nearest: bool,
+        is_turned: bool,
     }
 
     impl Kernel for Pushed {
@@ -240,7 +247,8 @@ mod tests {
             let bits = self.bits & (u32::MAX >> (32 - W));
             let entered = std::array::from_fn(|lane| u32::try_from(lane).expect("it is small") + 1);
             let begin = simd.load_f32(&self.begins[..W]);
-            let children = Children::<S, W> { node: 7, bits, begin, entered: &entered };
+            let is_turned = self.is_turned;
+            let children = Children::<S, W> { node: 7, bits, begin, entered: &entered, is_turned };
             // Something lies below.
             let mut stack = vec![Pending::default(); 1 + W];
             let height = if self.nearest {
@@ -267,9 +275,12 @@ mod tests {
                 let begins: [f32; 16] =
                     std::array::from_fn(|_| [-0.5, -0.0, 0.0, 0.25, 1.0][dice.next_u32() as usize % 5]);
                 let bits = dice.next_u32() & 0xffff;
-                let all = backend.run(Pushed { begins, bits, nearest: false });
+                let pushed = |nearest, is_turned| backend.run(Pushed { begins, bits, nearest, is_turned });
+                let [all, mut turned] = [false, true].map(|is_turned| pushed(false, is_turned));
                 assert!(all.is_sorted(), "{backend}: without an order, as they stand in the node: {all:?}");
-                let ordered = backend.run(Pushed { begins, bits, nearest: true });
+                turned.reverse();
+                assert_eq!(turned, all, "{backend}: or the other way round");
+                let ordered = pushed(true, dice.next_u32() % 2 == 0);
                 // Those that begin at the same place, zeros of both signs among them, stay as they were.
                 let mut expected = all;
                 expected

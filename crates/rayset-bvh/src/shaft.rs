@@ -38,6 +38,8 @@ fn through<S: Simd>(
 pub(crate) struct Shaft<S: Simd> {
     /// Round all.
     pub(crate) beam: Beam<S>,
+    /// The axes along which its middle runs backwards, a bit each.
+    pub(crate) turned: u32,
     /// The rounding of a coordinate, of the worst ray.
     pub(crate) unit: f32,
     /// How far tests along its axis may be off.
@@ -105,7 +107,9 @@ impl<S: Simd> Shaft<S> {
         }
         let none = Line { at: one, slope: one };
         let (mut lines, mut of_each, mut worse) = ([[none; 2]; 2], [[none; 2]; 2], [[0; 2]; 2]);
+        let mut turned = u32::from(towards < 0.0) << z;
         for side in 0..2 {
+            let mut across = 0.0;
             for (i, outwards) in [1.0, -1.0].into_iter().enumerate() {
                 let sense = simd.splat_f32(outwards);
                 let at_near = sense * simd.load_f32(&extremes[0][side][i]);
@@ -121,11 +125,14 @@ impl<S: Simd> Shaft<S> {
                 let rises = (f - n) * (far - near) * outwards > 0.0;
                 worse[side][i] = if rises { 3 + z } else { z };
                 lines[side][i] = line;
+                across += f - n;
             }
+            turned |= u32::from(across < 0.0) << [x, y][side];
         }
         let steepness = steepness.greatest();
         Some(Self {
             beam: Beam { axes: [x, y, z], towards, first: first - SHAFT_MARGIN[0] * unit, lines, worse },
+            turned,
             unit,
             rounding: Rounding {
                 vertex: VERTEX_MARGIN * units.of_scene * steepness,

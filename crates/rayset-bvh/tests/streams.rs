@@ -84,7 +84,7 @@ fn a_stream_visits_what_each_of_its_rays_does() {
 }
 
 /// In a row between two shapes that are hit, whichever way it runs, the far end is where rays look first: among triangles,
-/// which lists visit node by node, and among spheres, where each ray goes on by itself.
+/// which lists visit node by node, among spheres, where each ray goes on by itself, and in tiles of packets.
 #[test]
 fn what_lies_farthest_is_looked_at_first() {
     let across = |x: f64, y: f64, z: f64, axis: usize| match axis {
@@ -123,6 +123,15 @@ fn what_lies_farthest_is_looked_at_first() {
                     hierarchy.occluded_each(&list.columns(&left), &mut occluded, &mut scratch);
                     assert_eq!((occluded, scratch.steps.leaves), (vec![true; len], len as u64), "{backend}");
                 }
+                // In a tile of packets.
+                let len = hierarchy.tile_len();
+                let mut list = List::default();
+                (0..len).for_each(|_| list.push(&ray, span, from));
+                let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
+                let (mut occluded, mut scratch) = (vec![false; len], hierarchy.bundle_scratch());
+                hierarchy.occluded_bundle(&list.columns(&left), 0..len, 0, &mut occluded, &mut scratch);
+                assert_eq!((occluded, scratch.single.steps.leaves), (vec![true; len], 1), "{backend}");
+                assert_eq!(scratch.bundled.tiles, len as u64, "{backend}");
             }
         }
     }
