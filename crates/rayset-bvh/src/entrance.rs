@@ -10,7 +10,7 @@ use rayset_simd::{CullLanes, LaneMask, Lanes, Part, Simd};
 use crate::node::{Child, Node, Tree};
 use crate::packet::Mask;
 use crate::ray::{CullRays, FacesOfRays, SlabsOfRays};
-use crate::traverse::{Begin, push_all, put_by_distance};
+use crate::traverse::{Begin, put_all, put_by_distance};
 
 /// Fewer rays than this test a node below the root one by one.
 const LEAST_RAYS: u32 = 4;
@@ -222,27 +222,30 @@ impl<const W: usize> Begin<W> for Entered<'_, W> {
         height: &mut usize,
     ) -> Option<Child> {
         let Self { entrance, ray } = *self;
-        let (root, is_turned) = (&tree.nodes[0], tree.root.is_turned(turned));
-        let mut entered = entrance.of(ray);
-        // What is pushed last is visited first.
-        while entered != 0 {
-            let lane = if is_turned { 31 - entered.leading_zeros() } else { entered.trailing_zeros() };
-            entered ^= 1 << lane;
+        let (root, entered) = (&tree.nodes[0], entrance.of(ray));
+        let (mut tested, others) = (entered & entrance.tested, entered & !entrance.tested);
+        let is_turned = tree.root.is_turned(turned);
+        let mut next = None;
+        if others != 0 {
+            next = Some(put_all(simd, (root, is_turned), others, stack, height));
+        }
+        // What is put last is visited first.
+        while tested != 0 {
+            let lane = if is_turned { 31 - tested.leading_zeros() } else { tested.trailing_zeros() };
+            tested ^= 1 << lane;
             let slot = lane as usize % W;
-            let child = Child(root.children[slot]);
-            if entrance.tested >> slot & 1 == 1 {
+            let below = bits(entrance.entered_below[slot][ray]);
+            if below != 0 {
+                if let Some(next) = next {
+                    stack[*height] = next.0;
+                    *height += 1;
+                }
+                let child = Child(root.children[slot]);
                 let node = (&tree.nodes[child.node_index()], child.is_turned(turned));
-                push_all(simd, node, bits(entrance.entered_below[slot][ray]), stack, height);
-            } else {
-                stack[*height] = child.0;
-                *height += 1;
+                next = Some(put_all(simd, node, below, stack, height));
             }
         }
-        if *height == 0 {
-            return None;
-        }
-        *height -= 1;
-        Some(Child(stack[*height]))
+        next
     }
 }
 

@@ -453,6 +453,7 @@ struct NearestVisitor<'h, S: Simd, C: Content, const W: usize> {
 
 impl<S: Simd, C: Content, const W: usize> Visitor for NearestVisitor<'_, S, C, W> {
     const FACES: bool = C::FACES;
+    const FARTHEST_FIRST: bool = C::FARTHEST_FIRST;
 
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
@@ -475,6 +476,7 @@ struct AnyVisitor<'h, S: Simd, C: Content, const W: usize> {
 
 impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
     const FACES: bool = C::FACES;
+    const FARTHEST_FIRST: bool = C::FARTHEST_FIRST;
 
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {

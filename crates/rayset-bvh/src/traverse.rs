@@ -12,6 +12,8 @@ use crate::ray::CullRay;
 pub(crate) trait Visitor {
     /// Whether rays may leave faces behind.
     const FACES: bool;
+    /// Whether what lies farthest along a ray comes first where any hit will do.
+    const FARTHEST_FIRST: bool;
 
     /// Tests a leaf; the new end of the span in culling space, or `None` to stop.
     fn leaf(&mut self, leaf: usize) -> Option<f32>;
@@ -277,9 +279,10 @@ pub(crate) fn traverse<S: Simd, V: Visitor, const W: usize>(
     steps.leaves += leaves;
 }
 
-/// Of the children of a node that a ray enters, one at least, gives that which is visited first, and pushes the others.
+/// Of the children of a node that a ray enters, one at least, gives that which is visited first, and puts the others on the
+/// stack: they are visited from the last to the first, or the other way round, whichever they are.
 #[inline(always)]
-fn put_all<S: Simd, const W: usize>(
+pub(crate) fn put_all<S: Simd, const W: usize>(
     simd: S,
     (node, is_turned): (&Node<W>, bool),
     bits: u32,
@@ -287,23 +290,11 @@ fn put_all<S: Simd, const W: usize>(
     height: &mut usize,
 ) -> Child {
     let first = if is_turned { bits.trailing_zeros() } else { 31 - bits.leading_zeros() };
-    push_all(simd, (node, is_turned), bits ^ 1 << first, stack, height);
-    Child(node.children[first as usize % W])
-}
-
-/// Puts the children of a node that a ray enters on the stack, to be visited from the last to the first, or the other way
-/// round, whichever they are.
-#[inline(always)]
-pub(crate) fn push_all<S: Simd, const W: usize>(
-    simd: S,
-    (node, is_turned): (&Node<W>, bool),
-    bits: u32,
-    stack: &mut [u32],
-    height: &mut usize,
-) {
+    let others = bits ^ 1 << first;
     let place = &mut stack[*height..*height + W];
-    simd.compress_u32_either_way(simd.mask_f32(bits), &node.children, is_turned, place);
-    *height += bits.count_ones() as usize;
+    simd.compress_u32_either_way(simd.mask_f32(others), &node.children, is_turned, place);
+    *height += others.count_ones() as usize;
+    Child(node.children[first as usize % W])
 }
 
 /// Visits leaves whose boxes the ray may meet, in any order, until one says that the ray is stopped; whether one did.
@@ -322,7 +313,8 @@ pub(crate) fn is_stopped<S: Simd, V: Visitor, const W: usize>(
     visitor: &mut V,
 ) -> bool {
     assert!(S::F32::LANES == W, "a node is as wide as the lanes");
-    let (turned, ends) = (ray.turned(), simd.splat_f32(end));
+    let ends = simd.splat_f32(end);
+    let turned = if V::FARTHEST_FIRST { ray.turned() } else { 0 };
     let ray = BoxRay::new(simd, ray, V::FACES);
     let stack = stack.children.as_mut_slice();
     let mut height = 0;

@@ -22,6 +22,8 @@ pub(crate) trait Content {
     const OTHERS: bool;
     /// Whether rays look for the faces that they leave behind.
     const FACES: bool;
+    /// Whether rays look first at what lies farthest along them where any hit will do, and not where slots end.
+    const FARTHEST_FIRST: bool;
 }
 
 /// Spheres alone.
@@ -36,6 +38,7 @@ impl Content for OnlySpheres {
     const TRIANGLES: bool = false;
     const OTHERS: bool = false;
     const FACES: bool = false;
+    const FARTHEST_FIRST: bool = false;
 }
 
 impl<const FACES: bool> Content for OnlyTriangles<FACES> {
@@ -43,6 +46,7 @@ impl<const FACES: bool> Content for OnlyTriangles<FACES> {
     const TRIANGLES: bool = true;
     const OTHERS: bool = false;
     const FACES: bool = FACES;
+    const FARTHEST_FIRST: bool = true;
 }
 
 impl Content for Anything {
@@ -50,6 +54,7 @@ impl Content for Anything {
     const TRIANGLES: bool = true;
     const OTHERS: bool = true;
     const FACES: bool = false;
+    const FARTHEST_FIRST: bool = false;
 }
 
 /// A ray on its way.
