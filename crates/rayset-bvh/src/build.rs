@@ -532,6 +532,27 @@ mod tests {
     }
 
     #[test]
+    fn subtrees_stand_one_behind_the_other_along_their_axis() {
+        let leaf = |at: [f32; 3]| Binary::Leaf { bounds: CullBox { low: at, high: at }, range: 0..1 };
+        // Places along each axis, the way in which they stand along another, and whether they are turned round.
+        for (places, axis, are_turned) in [
+            ([[0.0, 0.0, 0.0], [1.0, 0.5, 0.5], [2.0, -0.5, 1.0]], 0, false),
+            ([[0.0, 3.0, 0.0], [0.5, 1.0, 0.5], [1.0, 0.0, 0.0]], 1, true),
+            ([[0.5, 0.0, 1.0], [0.0, 0.5, 0.0], [0.5, 0.5, -1.0]], 2, true),
+        ] {
+            let subtrees = places.map(leaf);
+            let mut slots: Vec<_> = subtrees.iter().collect();
+            assert_eq!(put_along_axis(&mut slots), axis);
+            let order: Vec<_> = slots.iter().map(|slot| slot.bounds().low.map(f32::to_bits)).collect();
+            let mut expected: Vec<_> = places.iter().map(|place| place.map(f32::to_bits)).collect();
+            if are_turned {
+                expected.reverse();
+            }
+            assert_eq!(order, expected);
+        }
+    }
+
+    #[test]
     fn a_leaf_holds_a_block_of_each_group() {
         let leaves = [1, 2].map(|groups| {
             let mut references = strewn(10_000, groups);

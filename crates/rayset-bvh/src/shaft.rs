@@ -224,6 +224,8 @@ impl<S: Simd, const W: usize> Planes<S> for Node<W> {
 
 #[cfg(test)]
 mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
     use rayset_geometry::glam::DVec3;
     use rayset_geometry::{BoundingBox, unit};
     use rayset_simd::{Backend, Kernel};
@@ -320,6 +322,53 @@ mod tests {
             assert_eq!(backend.run(Grazing { factor: 1.0 }), [0; 3], "{backend}");
             let missed = backend.run(Grazing { factor: 0.0 });
             assert!(missed.iter().all(|&missed| missed > 30), "{backend}: {missed:?}");
+        }
+    }
+
+    /// How many packets of rays with one direction go together, and how many of their shafts do not go their way.
+    struct Ways;
+
+    impl Kernel for Ways {
+        type Output = [usize; 2];
+
+        fn run<S: Simd>(self, simd: S) -> [usize; 2] {
+            if S::F32::LANES == 16 { ways::<S, 16>(simd) } else { ways::<S, 8>(simd) }
+        }
+    }
+
+    fn ways<S: Simd, const W: usize>(simd: S) -> [usize; 2] {
+        let frame = Frame::of(&BoundingBox { min: DVec3::NEG_ONE, max: DVec3::ONE });
+        let mut dice = ChaCha8Rng::seed_from_u64(7);
+        let (mut together, mut wrong) = (0, 0);
+        for case in 0..1000 {
+            let mut at = || 2.0 * f64::from(dice.next_u32()) / f64::from(u32::MAX) - 1.0;
+            let mut point = || DVec3::new(at(), at(), at());
+            let direction = unit(point()).expect("it has a length").to_array();
+            let origins: Vec<_> = (0..W).map(|_| (0.3 * point()).to_array()).collect();
+            let [ox, oy, oz] = [0, 1, 2].map(|k| origins.iter().map(|origin| origin[k]).collect::<Vec<_>>());
+            let [dx, dy, dz] = direction.map(|x| vec![x; W]);
+            let (starts, ends) = (vec![0.0; W], vec![f64::INFINITY; W]);
+            let (origins, directions) = ([&ox[..], &oy, &oz], [&dx[..], &dy, &dz]);
+            let rays = RayColumns { origins, directions, spans: (&starts, &ends), left: &[] };
+            let approach = Approach::of(&frame, &rays, 0..W, case % 2 == 0);
+            let mut packet = [Packet::<S, W>::new(simd, 0, W, &approach)];
+            let units = level(simd, &mut packet, &approach).expect("they start nearby");
+            let Some(shaft) = Shaft::around(simd, &mut packet, units, &approach) else { continue };
+            let backwards = (0..3).map(|k| u32::from(direction[k] < 0.0) << k).sum::<u32>();
+            // Too slight a way across is lost in rounding.
+            let is_clear = direction.iter().all(|x| x.abs() > 1e-4);
+            together += usize::from(is_clear);
+            wrong += usize::from(is_clear && shaft.turned != backwards);
+        }
+        [together, wrong]
+    }
+
+    #[test]
+    fn a_shaft_goes_the_way_of_its_rays() {
+        for &backend in Backend::available() {
+            let [together, wrong] = backend.run(Ways);
+            assert!(together > 500, "{backend}: {together}");
+            assert_eq!(wrong, 0, "{backend}");
         }
     }
 }
