@@ -296,6 +296,7 @@ struct Visit<'a, Q, const W: usize> {
 impl<Q: Search, const W: usize> Visitor for Visit<'_, Q, W> {
     const FACES: bool = false;
     const FARTHEST_FIRST: bool = false;
+    const BY_WAY: bool = false;
 
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {

@@ -52,7 +52,7 @@ impl<S: Simd> Entering<S> {
 
 /// The rays that do not leave the box of a child behind.
 #[inline(always)]
-fn ahead<S: Simd, const W: usize>(
+pub(crate) fn ahead<S: Simd, const W: usize>(
     simd: S,
     node: &Node<W>,
     child: usize,
@@ -70,7 +70,7 @@ fn ahead<S: Simd, const W: usize>(
 
 /// The rays that enter the box of a child, and where.
 #[inline(always)]
-fn enter<S: Simd, const W: usize>(
+pub(crate) fn enter<S: Simd, const W: usize>(
     simd: S,
     node: &Node<W>,
     child: usize,

@@ -19,7 +19,7 @@ use crate::frame::Frame;
 use crate::node::Tree;
 use crate::ray::{Copies, CullRays, Targets};
 use crate::shapes::{Anything, Content, Found, Hit, Nearest, OnlySpheres, OnlyTriangles, Shapes, Traced};
-use crate::stream::{AnyOfStreams, Room};
+use crate::stream::{OfStream, OfStreams, Room};
 use crate::traverse::{AtRoot, Begin, Stack, Steps, Visitor, is_stopped, traverse};
 use crate::{HitOrNone, Query, RayColumns};
 
@@ -172,7 +172,8 @@ impl Hierarchy {
         self.run(OccludedOf { query, scratch })
     }
 
-    /// The least hits of rays, one by one; the answers go to the rays' places.
+    /// The least hits of rays; the answers go to the rays' places. Among triangles alone rays go together, node by node, and
+    /// visit what each would by itself; else one by one.
     ///
     /// # Panics
     ///
@@ -181,14 +182,13 @@ impl Hierarchy {
         self.run(OfEach { question: NearestHit, rays, places: hits, scratch });
     }
 
-    /// Whether rays hit anything, as [`Hierarchy::nearest_each`]; among triangles alone they go together, node by node, and
-    /// visit what each would by itself.
+    /// Whether rays hit anything, as [`Hierarchy::nearest_each`].
     ///
     /// # Panics
     ///
     /// As [`Hierarchy::nearest_each`] does.
     pub fn occluded_each(&self, rays: &RayColumns<'_>, occluded: &mut [bool], scratch: &mut Scratch) {
-        self.run(OccludedOfEach { rays, places: occluded, scratch });
+        self.run(OfEach { question: AnyHit::<false>, rays, places: occluded, scratch });
     }
 
     /// Does work on the tree, on the lanes it was built for.
@@ -321,7 +321,14 @@ impl<const W: usize> Wide<W> {
             departure = departure.map(Departure::met_again);
         }
         let traced = Traced { cull, ray: RayOf { columns: &columns, i: 0 }, departure };
-        match self.nearest_of::<S, C>(simd, &AtRoot, &traced, own, scratch).found {
+        let nearest = if C::STREAMS {
+            // As in a list.
+            let so_far = (Nearest::NONE, cull.end_above());
+            self.nearest_from::<S, C, true>(simd, &AtRoot, &traced, so_far, scratch).0
+        } else {
+            self.nearest_of::<S, C>(simd, &AtRoot, &traced, own, scratch)
+        };
+        match nearest.found {
             Found::Nothing => None,
             Found::At(hit) => Some(hit),
             Found::Sure(sure) => self.shapes.exact_alone(simd, (ray, span), departure, &sure),
@@ -359,19 +366,36 @@ impl<const W: usize> Wide<W> {
     ) -> Nearest {
         let cull = if C::TRIANGLES { traced.cull.with_axes_known() } else { traced.cull };
         let traced = &Traced { cull, ..*traced };
-        let Scratch { stack, steps, primitive_tests, .. } = scratch;
         let end = known.map_or(cull.end_above(), |hit| cull.end(hit.t));
-        let mut visitor = NearestVisitor {
+        let nearest = known.map_or(Nearest::NONE, |hit| Nearest::at(cull, hit));
+        self.nearest_from::<S, C, false>(simd, begin, traced, (nearest, end), scratch).0
+    }
+
+    /// The least of a ray's hits and what is known so far, and where the span ends by it; children are visited by the way
+    /// that the ray runs, or by their distances.
+    #[inline(always)]
+    pub(crate) fn nearest_from<S: Simd, C: Content, const BY_WAY: bool>(
+        &self,
+        simd: S,
+        begin: &impl Begin<W>,
+        traced: &Traced<'_, W>,
+        (nearest, end): (Nearest, f32),
+        scratch: &mut Scratch,
+    ) -> (Nearest, f32) {
+        let cull = if C::TRIANGLES { traced.cull.with_axes_known() } else { traced.cull };
+        let traced = &Traced { cull, ..*traced };
+        let Scratch { stack, steps, primitive_tests, .. } = scratch;
+        let mut visitor = NearestVisitor::<S, C, BY_WAY, W> {
             content: PhantomData::<C>,
             simd,
             shapes: &self.shapes,
             ray: traced,
             end,
-            nearest: known.map_or(Nearest::NONE, |hit| Nearest::at(cull, hit)),
+            nearest,
             tests: primitive_tests,
         };
         traverse(simd, &self.tree, begin, stack, cull, end, steps, &mut visitor);
-        visitor.nearest
+        (visitor.nearest, visitor.end)
     }
 
     #[inline(always)]
@@ -441,7 +465,7 @@ impl<const W: usize> Wide<W> {
     }
 }
 
-struct NearestVisitor<'h, S: Simd, C: Content, const W: usize> {
+struct NearestVisitor<'h, S: Simd, C: Content, const BY_WAY: bool, const W: usize> {
     content: PhantomData<C>,
     simd: S,
     shapes: &'h Shapes<W>,
@@ -451,9 +475,12 @@ struct NearestVisitor<'h, S: Simd, C: Content, const W: usize> {
     tests: &'h mut u64,
 }
 
-impl<S: Simd, C: Content, const W: usize> Visitor for NearestVisitor<'_, S, C, W> {
+impl<S: Simd, C: Content, const BY_WAY: bool, const W: usize> Visitor
+    for NearestVisitor<'_, S, C, BY_WAY, W>
+{
     const FACES: bool = C::FACES;
     const FARTHEST_FIRST: bool = C::FARTHEST_FIRST;
+    const BY_WAY: bool = BY_WAY;
 
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
@@ -477,6 +504,7 @@ struct AnyVisitor<'h, S: Simd, C: Content, const W: usize> {
 impl<S: Simd, C: Content, const W: usize> Visitor for AnyVisitor<'_, S, C, W> {
     const FACES: bool = C::FACES;
     const FARTHEST_FIRST: bool = C::FARTHEST_FIRST;
+    const BY_WAY: bool = false;
 
     #[inline(always)]
     fn leaf(&mut self, leaf: usize) -> Option<f32> {
@@ -565,36 +593,20 @@ struct OfEach<'a, Q: OfFew> {
     scratch: &'a mut Scratch,
 }
 
-impl<Q: OfFew> Task for OfEach<'_, Q> {
+impl<Q: OfFew + OfStream> Task for OfEach<'_, Q> {
     type Output = ();
     #[inline(always)]
     fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) {
         let Self { question, rays, places, scratch } = self;
-        let rays = Rays::<_, false> { columns: rays, range: 0..rays.len(), places, shared: None };
-        wide.each(simd, frame, question, rays, scratch);
-    }
-}
-
-struct OccludedOfEach<'a> {
-    rays: &'a RayColumns<'a>,
-    places: &'a mut [bool],
-    scratch: &'a mut Scratch,
-}
-
-impl Task for OccludedOfEach<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) {
-        let Self { rays, places, scratch } = self;
         if !wide.shapes.is_only(PrimitiveKind::Triangle) {
             let rays = Rays::<_, false> { columns: rays, range: 0..rays.len(), places, shared: None };
-            wide.each(simd, frame, AnyHit::<false>, rays, scratch);
+            wide.each(simd, frame, question, rays, scratch);
         } else if wide.has_faces {
             let content = PhantomData::<OnlyTriangles<true>>;
-            simd.outline(AnyOfStreams { content, wide, frame, columns: rays, places, scratch });
+            simd.outline(OfStreams::<_, Q, W> { content, wide, frame, columns: rays, places, scratch });
         } else {
             let content = PhantomData::<OnlyTriangles<false>>;
-            simd.outline(AnyOfStreams { content, wide, frame, columns: rays, places, scratch });
+            simd.outline(OfStreams::<_, Q, W> { content, wide, frame, columns: rays, places, scratch });
         }
     }
 }

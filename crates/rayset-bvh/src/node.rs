@@ -1,6 +1,9 @@
 //! The nodes of a wide tree.
 
+use rayset_simd::{CullLanes, Lanes, Simd};
+
 use crate::frame::CullBox;
+use crate::traverse::Aligned;
 
 /// How far an empty slot's box is turned inside out: finite, so that no product with it is NaN.
 const NOWHERE: f32 = 1e18;
@@ -85,6 +88,21 @@ impl<const W: usize> Node<W> {
             self.planes[3 + k][slot] = bounds.high[k];
         }
         self.children[slot] = child.0;
+    }
+
+    /// How far the middles of boxes lie along a way, which runs backwards along some axes, a bit each: never below zero, so
+    /// that bits are ordered as these are.
+    #[inline(always)]
+    pub(crate) fn along<S: Simd>(&self, simd: S, way: u32) -> Aligned<[f32; W]> {
+        let mut sum = simd.splat_f32(16.0);
+        for k in 0..3 {
+            let sign = if way >> k & 1 == 1 { -1.0 } else { 1.0 };
+            let doubled = simd.load_f32(&self.planes[k]) + simd.load_f32(&self.planes[3 + k]);
+            sum = doubled.mul_add(simd.splat_f32(sign), sum);
+        }
+        let mut keys = Aligned([0.0; W]);
+        sum.store(&mut keys.0);
+        keys
     }
 
     /// Whether there is no child in a slot.

@@ -1,9 +1,10 @@
-//! Rays that ask for any hit of triangles, many at once: node by node, each with the rays that enter it.
+//! Rays of a list among triangles, many at once: node by node, each with the rays that enter it.
 //!
-//! Where any hit will do, all that a ray enters has to be visited, in any order. So nodes are visited and not rays: a node's
-//! boxes are tested by one ray after the other, and those that enter a child are listed for it. What a ray by itself takes
-//! longest for is spared, guessing where it goes on and waiting for that: guesses are made once for a list, and tests of
-//! one node by several rays do not wait for each other. Each ray visits what it would visit by itself, in the same order.
+//! Nodes are visited and not rays: a node's boxes are tested by one ray after the other, and those that enter a child are
+//! listed for it. What a ray by itself takes longest for is spared, guessing where it goes on and waiting for that: guesses
+//! are made once for a list, and tests of one node by several rays do not wait for each other. Rays of a list run the same
+//! way, so that it is known once which planes of all boxes are near. In which order children are visited depends on that way
+//! alone, and not on where each ray enters them, so that each ray visits what it would visit by itself, in the same order.
 //!
 //! Among triangles alone: tests of spheres need most of what is prepared of a ray, which a ray by itself keeps in registers.
 //!
@@ -13,15 +14,18 @@ use std::any::Any;
 use std::marker::PhantomData;
 
 use rayset_geometry::Departure;
-use rayset_simd::{LaneMask, Part, Simd};
+use rayset_simd::{LaneMask, Lanes, Part, Simd};
 
-use crate::columns::{RayColumns, RayOf};
+use crate::columns::{HitOrNone, RayColumns, RayOf};
+use crate::each::{AnyHit, NearestHit, OfRay};
+use crate::entrance::{ahead, enter};
+use crate::exact::Departing;
 use crate::frame::Frame;
 use crate::hierarchy::{Scratch, Wide};
-use crate::node::{Child, Tree};
+use crate::node::{Child, Node, Tree};
 use crate::ray::CullRays;
-use crate::shapes::{Content, Traced};
-use crate::traverse::{Begin, BoxRay};
+use crate::shapes::{Content, Nearest, Traced};
+use crate::traverse::{Begin, BoxRay, farthest_first, sides};
 
 /// How many rays go together at most: what is prepared of them stays in the first cache.
 const MOST: usize = 128;
@@ -29,64 +33,124 @@ const MOST: usize = 128;
 /// Fewer rays than this go on from a node one by one.
 const LEAST: usize = 3;
 
-/// Rays that wait for a child.
+/// Where the rays of a list whose span ends here have their answer.
+const ANSWERED: f32 = f32::NEG_INFINITY;
+
+/// Why a ray of a list is one that may hit something.
+const LISTED: &str = "rays that can hit nothing are in no list";
+
+/// Whole registers are written, and read, where lists end.
+const BEHIND: usize = 16;
+
+/// The rays at a node, or at a child that they go on to.
 #[derive(Clone, Copy, Debug)]
-struct Waiting {
+struct Group {
     child: Child,
     /// The axes along which all of them run backwards, a bit each; along the others none does.
     turned: u32,
-    /// Where their list begins, and how long it is.
-    first: usize,
     len: usize,
 }
 
+/// Rays that wait for a child.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    group: Group,
+    /// Where their list begins.
+    first: usize,
+    /// Where each of them enters the child stands so far behind its place in the column of distances.
+    column: usize,
+    /// Where the distances end that it and what waits below it read.
+    near_end: usize,
+}
+
 /// What is kept between lists; it grows as rays and lists come.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Stream<const W: usize> {
     prepared: Vec<CullRays<W>>,
-    departures: Vec<Option<Departure>>,
+    departures: [Option<Departure>; MOST],
+    /// Where the span of each ray ends by what is known, in culling space, or more.
+    ends: [f32; MOST],
+    nearest: [Nearest; MOST],
+    /// Of the rays that have been prepared together, the lanes that enter each child of the root.
+    entered_root: Vec<[u32; W]>,
     waiting: Vec<Waiting>,
-    /// Lists of rays by their places in the stream, one behind the other: of what waits.
+    /// Lists of rays, one behind the other: of what waits.
     lists: Vec<u32>,
-    /// The places of rays in a stream, as numbers.
-    numbers: Vec<u32>,
-    /// The rays at a node, and the children that each enters, a bit each.
-    here: Vec<u32>,
-    entered: Vec<u32>,
+    /// Where rays enter children, if it is asked where hits are: columns of a node's children for each ray.
+    near: Vec<f32>,
+    /// The rays at a node; as they are listed; and the children that each enters, a bit each.
+    here: [u32; MOST + BEHIND],
+    listed: [u32; MOST + BEHIND],
+    entered: [u32; MOST + BEHIND],
+}
+
+/// A ray in a list: its number in the lowest bits, and above where its distances stand.
+///
+/// There are at most 71 nodes on the way from a root, and as many distances for each as there are rays and lanes: fewer than
+/// 2^18.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "a stream is short, and a tree not deep")]
+fn listed(ray: usize, near: usize) -> u32 {
+    (near * MOST + ray) as u32
+}
+
+/// The number of a ray as it stands among those at a node.
+#[inline(always)]
+fn number(ray: usize) -> u32 {
+    listed(ray, 0)
+}
+
+#[inline(always)]
+fn ray_of(listed: u32) -> usize {
+    listed as usize % MOST
+}
+
+#[inline(always)]
+fn near_of(listed: u32) -> usize {
+    listed as usize / MOST
 }
 
 impl<const W: usize> Stream<W> {
-    /// Has room for so many rays.
-    fn reserve(&mut self, rays: usize) {
-        if self.here.len() < rays + W {
-            self.prepared.resize(rays.div_ceil(W), CullRays::NONE);
-            self.departures.resize(rays, None);
-            // Whole registers are written, and read, where lists end.
-            self.numbers = (0..rays + W).map(number).collect();
-            self.here.resize(rays + W, 0);
-            self.entered.resize(rays + W, 0);
-            self.lists.resize(self.lists.len().max(rays + W), 0);
-        }
+    fn new() -> Box<Self> {
+        Box::new(Self {
+            prepared: vec![CullRays::NONE; MOST / W],
+            departures: [None; MOST],
+            ends: [ANSWERED; MOST],
+            nearest: [Nearest::NONE; MOST],
+            entered_root: vec![[0; W]; MOST / W],
+            waiting: Vec::new(),
+            lists: Vec::new(),
+            near: vec![0.0; MOST * W],
+            here: [0; MOST + BEHIND],
+            listed: [0; MOST + BEHIND],
+            entered: [0; MOST + BEHIND],
+        })
     }
 
-    /// Lists the rays here that enter a child, from a place on; where the list ends.
+    /// Where the lists end that wait, and the distances that they read.
     #[inline(always)]
-    fn list<S: Simd>(
-        &mut self,
-        simd: S,
-        n: usize,
-        (child, lane): (Child, u32),
-        place: (u32, usize),
-    ) -> usize {
-        let (turned, first) = place;
-        let mut end = first;
-        for block in (0..n).step_by(W) {
-            let lanes = simd.any_bits_u32(&self.entered[block..block + W], 1 << lane);
-            simd.compress_u32(lanes, &self.here[block..block + W], &mut self.lists[end..end + W]);
-            end += lanes.bits().count_ones() as usize;
+    fn in_use(&self) -> (usize, usize) {
+        self.waiting.last().map_or((0, 0), |waiting| (waiting.first + waiting.group.len, waiting.near_end))
+    }
+
+    /// The rays of the list that waits last which still look for something there.
+    #[inline(always)]
+    fn take<Q: OfRay>(&mut self) -> Option<Group> {
+        let Waiting { mut group, first, column, .. } = self.waiting.pop()?;
+        let Self { lists, near, here, ends, .. } = self;
+        let mut n = 0;
+        for &listed in &lists[first..first + group.len] {
+            let end = ends[ray_of(listed)];
+            here[n] = number(ray_of(listed));
+            n += usize::from(if Q::ANY {
+                end > ANSWERED
+            } else {
+                // As entries of a stack are compared: what is below zero counts as zero.
+                near[near_of(listed) + column] <= end.max(0.0)
+            });
         }
-        self.waiting.push(Waiting { child, turned, first, len: end - first });
-        end
+        group.len = n;
+        Some(group)
     }
 }
 
@@ -116,18 +180,110 @@ impl<const W: usize> Begin<W> for At {
     }
 }
 
-/// Rays of a list that ask for any hit: a function of its own for one content.
-pub(crate) struct AnyOfStreams<'a, C, const W: usize> {
+/// What is asked about the rays of a stream.
+pub(crate) trait OfStream: OfRay {
+    /// A ray visits a leaf, or all that it enters below a node.
+    fn visit<S: Simd, C: Content, const W: usize>(
+        simd: S,
+        wide: &Wide<W>,
+        child: Child,
+        traced: &Traced<'_, W>,
+        so_far: (&mut Nearest, &mut f32),
+        scratch: &mut Scratch,
+    );
+
+    /// The answers to rays that were prepared together.
+    fn write<S: Simd, const W: usize>(
+        simd: S,
+        wide: &Wide<W>,
+        departing: &Departing<'_>,
+        found: (&[Nearest], &[f32]),
+        answers: &mut [Self::Answer],
+    );
+}
+
+impl OfStream for AnyHit<false> {
+    #[inline(always)]
+    fn visit<S: Simd, C: Content, const W: usize>(
+        simd: S,
+        wide: &Wide<W>,
+        child: Child,
+        traced: &Traced<'_, W>,
+        (_, end): (&mut Nearest, &mut f32),
+        scratch: &mut Scratch,
+    ) {
+        let is_hit = if child.is_leaf() {
+            scratch.steps.leaves += 1;
+            let tests = &mut scratch.primitive_tests;
+            wide.shapes.any::<S, C>(simd, child.leaf_index(), traced, *end, tests, &mut None)
+        } else {
+            wide.occluded_of::<S, C, false>(simd, &At(child), traced, scratch)
+        };
+        if is_hit {
+            *end = ANSWERED;
+        }
+    }
+
+    #[inline(always)]
+    fn write<S: Simd, const W: usize>(
+        _: S,
+        _: &Wide<W>,
+        _: &Departing<'_>,
+        (_, ends): (&[Nearest], &[f32]),
+        answers: &mut [bool],
+    ) {
+        for (answer, &end) in answers.iter_mut().zip(ends) {
+            *answer = end <= ANSWERED;
+        }
+    }
+}
+
+impl OfStream for NearestHit {
+    #[inline(always)]
+    fn visit<S: Simd, C: Content, const W: usize>(
+        simd: S,
+        wide: &Wide<W>,
+        child: Child,
+        traced: &Traced<'_, W>,
+        (nearest, end): (&mut Nearest, &mut f32),
+        scratch: &mut Scratch,
+    ) {
+        if child.is_leaf() {
+            scratch.steps.leaves += 1;
+            let tests = &mut scratch.primitive_tests;
+            wide.shapes.nearest::<S, C>(simd, child.leaf_index(), traced, nearest, end, tests);
+        } else {
+            let so_far = (*nearest, *end);
+            (*nearest, *end) = wide.nearest_from::<S, C, true>(simd, &At(child), traced, so_far, scratch);
+        }
+    }
+
+    #[inline(always)]
+    fn write<S: Simd, const W: usize>(
+        simd: S,
+        wide: &Wide<W>,
+        departing: &Departing<'_>,
+        (nearest, _): (&[Nearest], &[f32]),
+        answers: &mut [HitOrNone],
+    ) {
+        let mut found = [Nearest::NONE; W];
+        found[..nearest.len()].copy_from_slice(nearest);
+        NearestHit.answer(simd, wide, departing, &found, answers);
+    }
+}
+
+/// Rays of a list that go together: a function of its own for one content and question.
+pub(crate) struct OfStreams<'a, C, Q: OfStream, const W: usize> {
     pub(crate) content: PhantomData<C>,
     pub(crate) wide: &'a Wide<W>,
     pub(crate) frame: &'a Frame,
     pub(crate) columns: &'a RayColumns<'a>,
     /// Where the answers go, a place for each ray at least.
-    pub(crate) places: &'a mut [bool],
+    pub(crate) places: &'a mut [Q::Answer],
     pub(crate) scratch: &'a mut Scratch,
 }
 
-impl<S: Simd, C: Content, const W: usize> Part<S> for AnyOfStreams<'_, C, W> {
+impl<S: Simd, C: Content, Q: OfStream, const W: usize> Part<S> for OfStreams<'_, C, Q, W> {
     type Output = ();
 
     #[inline(always)]
@@ -136,18 +292,19 @@ impl<S: Simd, C: Content, const W: usize> Part<S> for AnyOfStreams<'_, C, W> {
         assert!(columns.len() <= places.len(), "each ray has a place");
         let (columns, places) = (columns.cut(0..columns.len()), &mut places[..columns.len()]);
         let kept = scratch.room.0.take().and_then(|kept| kept.downcast().ok());
-        let mut stream: Box<Stream<W>> = kept.unwrap_or_default();
-        stream.reserve(places.len().min(MOST));
+        let mut stream: Box<Stream<W>> = kept.unwrap_or_else(Stream::new);
         for (i, places) in places.chunks_mut(MOST).enumerate() {
-            let rays = Streamed { wide, columns, first: i * MOST };
-            rays.begin::<S, C>(simd, frame, places, &mut stream);
-            rays.go_on::<S, C>(simd, places, &mut stream, scratch);
+            let rays = Streamed::<W> { wide, columns, first: i * MOST };
+            rays.prepare::<S, C>(simd, frame, places.len(), &mut stream);
+            rays.begin::<S, C, Q>(simd, places.len(), &mut stream, scratch);
+            rays.go_on::<S, C, Q>(simd, &mut stream, scratch);
+            rays.end::<S, Q>(simd, places, &stream);
         }
         scratch.room.0 = Some(stream);
     }
 }
 
-/// Rays of columns from one on, as many as there are places for answers.
+/// Rays of columns from one on.
 #[derive(Clone, Copy)]
 struct Streamed<'a, const W: usize> {
     wide: &'a Wide<W>,
@@ -156,133 +313,219 @@ struct Streamed<'a, const W: usize> {
 }
 
 impl<const W: usize> Streamed<'_, W> {
-    /// Prepares the rays, and lets those that may hit something wait for the root, in a list for each way that rays run.
+    /// Prepares so many rays.
     #[inline(always)]
-    fn begin<S: Simd, C: Content>(
-        &self,
-        simd: S,
-        frame: &Frame,
-        places: &mut [bool],
-        stream: &mut Stream<W>,
-    ) {
+    fn prepare<S: Simd, C: Content>(&self, simd: S, frame: &Frame, n: usize, stream: &mut Stream<W>) {
         let Self { wide, columns, first } = *self;
-        let mut ways = 0;
-        for (block, places) in places.chunks_mut(W).enumerate() {
-            let (at, prepared) = (block * W, &mut stream.prepared[block]);
-            prepared.prepare(simd, frame, &columns, (first + at, places.len()), wide.targets::<C>());
-            let found = prepared.found(places.len());
-            ways |= (0..8).map(|way| u32::from(prepared.turned(way) & found != 0) << way).sum::<u32>();
-            for (lane, place) in places.iter_mut().enumerate() {
-                *place = false;
-                stream.departures[at + lane] = wide.shapes.departure(columns.left(first + at + lane));
+        let Stream { prepared, departures, ends, nearest, .. } = stream;
+        for (block, prepared) in prepared[..n.div_ceil(W)].iter_mut().enumerate() {
+            let at = block * W;
+            let of = at..n.min(at + W);
+            prepared.prepare(simd, frame, &columns, (first + at, of.len()), wide.targets::<C>());
+            ends[of.clone()].copy_from_slice(&prepared.ends()[..of.len()]);
+            nearest[of.clone()].fill(Nearest::NONE);
+            for (ray, departure) in of.clone().zip(&mut departures[of]) {
+                *departure = wide.shapes.departure(columns.left(first + ray));
             }
         }
-        stream.waiting.clear();
-        let (child, mut end) = (wide.tree.root, 0);
-        for turned in (0..8).filter(|way| ways >> way & 1 == 1) {
-            let first = end;
-            for (block, prepared) in stream.prepared[..places.len().div_ceil(W)].iter().enumerate() {
-                let of = block * W..places.len().min((block + 1) * W);
-                let lanes = simd.mask_f32(prepared.turned(turned) & prepared.found(of.len()));
-                simd.compress_u32(lanes, &stream.numbers[of.start..], &mut stream.lists[end..]);
-                end += lanes.bits().count_ones() as usize;
+    }
+
+    /// The rays that may hit something test the root, as many together as there are lanes, and wait for what they enter, in
+    /// lists for each way that rays run.
+    #[inline(always)]
+    fn begin<S: Simd, C: Content, Q: OfRay>(
+        &self,
+        simd: S,
+        n: usize,
+        stream: &mut Stream<W>,
+        scratch: &mut Scratch,
+    ) {
+        let tree = &self.wide.tree;
+        let root = &tree.nodes[0];
+        let is_leaf = tree.root.is_leaf();
+        let Stream { prepared, entered_root, waiting, lists, near, listed: numbers, .. } = stream;
+        let (mut ways, mut children) = (0, 0);
+        for (block, prepared) in prepared[..n.div_ceil(W)].iter().enumerate() {
+            let at = block * W;
+            let found = prepared.found((n - at).min(W));
+            ways |= (0..8).map(|way| u32::from(prepared.turned(way) & found != 0) << way).sum::<u32>();
+            for lane in 0..W {
+                numbers[at + lane] = listed(at + lane, at * W + lane);
             }
-            stream.waiting.push(Waiting { child, turned, first, len: end - first });
+            let entered_root = &mut entered_root[block];
+            *entered_root = [0; W];
+            if is_leaf {
+                // It stands in the first slot of the first node, and is entered untested.
+                (entered_root[0], children) = (found, 1);
+                near[at * W..][..W].fill(0.0);
+                continue;
+            }
+            scratch.steps.nodes += u64::from(found.count_ones());
+            let slabs = prepared.slabs(simd);
+            let faces = if C::FACES { Some(prepared.faces(simd)) } else { None };
+            let ends = simd.load_f32(prepared.ends());
+            for child in (0..W).take_while(|&child| !root.is_empty(child)) {
+                let (mut lanes, at_child) = enter(simd, root, child, &slabs, ends);
+                if let Some(faces) = &faces {
+                    lanes = lanes & ahead(simd, root, child, &slabs, faces);
+                }
+                if !Q::ANY {
+                    at_child.max(simd.splat_f32(0.0)).store(&mut near[(at + child) * W..][..W]);
+                }
+                entered_root[child] = lanes.bits() & found;
+                children |= u32::from(entered_root[child] != 0) << child;
+            }
+        }
+        waiting.clear();
+        if lists.len() < n * children.count_ones() as usize + BEHIND {
+            lists.resize(n * children.count_ones() as usize + BEHIND, 0);
+        }
+        let mut end = 0;
+        for turned in (0..8).filter(|way| ways >> way & 1 == 1) {
+            let (order, len) = in_order::<S, Q, W>(simd, root, tree.root, turned, children);
+            for &lane in &order[..len] {
+                let (first, lane) = (end, lane as usize);
+                for (block, prepared) in prepared[..n.div_ceil(W)].iter().enumerate() {
+                    let lanes = simd.mask_f32(entered_root[block][lane] & prepared.turned(turned));
+                    simd.compress_u32(lanes, &numbers[block * W..], &mut lists[end..]);
+                    end += lanes.bits().count_ones() as usize;
+                }
+                let child = if is_leaf { tree.root } else { Child(root.children[lane]) };
+                let group = Group { child, turned, len: end - first };
+                waiting.push(Waiting { group, first, column: lane * W, near_end: n.next_multiple_of(W) * W });
+            }
         }
     }
 
     /// Visits what waits, the last first.
     #[inline(always)]
-    fn go_on<S: Simd, C: Content>(
+    fn go_on<S: Simd, C: Content, Q: OfStream>(
         &self,
         simd: S,
-        places: &mut [bool],
         stream: &mut Stream<W>,
         scratch: &mut Scratch,
     ) {
-        while let Some(Waiting { child, turned, first, len }) = stream.waiting.pop() {
-            let mut n = 0;
-            for &ray in &stream.lists[first..first + len] {
-                stream.here[n] = ray;
-                n += usize::from(!places[ray as usize]);
+        while let Some(mut group) = stream.take::<Q>() {
+            while group.len >= LEAST && !group.child.is_leaf() {
+                scratch.steps.nodes += group.len as u64;
+                group = self.enter::<S, C, Q>(simd, group, stream);
             }
-            if child.is_leaf() || n < LEAST {
-                self.visit_each::<S, C>(simd, child, n, places, stream, scratch);
-            } else {
-                scratch.steps.nodes += n as u64;
-                self.enter::<S, C>(simd, child, n, (turned, first), stream);
-            }
+            self.visit_each::<S, C, Q>(simd, group, stream, scratch);
         }
     }
 
-    /// The rays here visit a leaf, or all that they enter below a node, one by one.
+    /// Rays visit a leaf, or all that they enter below a node, one by one.
     #[inline(always)]
-    fn visit_each<S: Simd, C: Content>(
+    fn visit_each<S: Simd, C: Content, Q: OfStream>(
         &self,
         simd: S,
-        child: Child,
-        n: usize,
-        places: &mut [bool],
-        stream: &Stream<W>,
+        Group { child, len, .. }: Group,
+        stream: &mut Stream<W>,
         scratch: &mut Scratch,
     ) {
         let Self { wide, columns, first } = self;
-        for &ray in &stream.here[..n] {
-            let ray = ray as usize;
-            let Some(cull) = stream.prepared[ray / W].ray(ray % W) else { continue };
+        let Stream { prepared, departures, ends, nearest, here, .. } = stream;
+        for &ray in &here[..len] {
+            let ray = ray_of(ray);
+            let cull = prepared[ray / W].ray(ray % W).expect(LISTED);
             let of = RayOf { columns, i: first + ray };
-            let traced = Traced { cull, ray: of, departure: stream.departures[ray] };
-            places[ray] = if child.is_leaf() {
-                scratch.steps.leaves += 1;
-                let (end, tests) = (cull.end_above(), &mut scratch.primitive_tests);
-                wide.shapes.any::<S, C>(simd, child.leaf_index(), &traced, end, tests, &mut None)
-            } else {
-                wide.occluded_of::<S, C, false>(simd, &At(child), &traced, scratch)
-            };
+            let traced = Traced { cull: cull.with_axes_known(), ray: of, departure: departures[ray] };
+            Q::visit::<S, C, W>(simd, wide, child, &traced, (&mut nearest[ray], &mut ends[ray]), scratch);
         }
     }
 
-    /// The rays here test the boxes of a node, and are listed from a place on for the children that they enter.
+    /// Rays test the boxes of a node, and wait for the children that they enter; gives those that go on at once.
     #[inline(always)]
-    fn enter<S: Simd, C: Content>(
+    fn enter<S: Simd, C: Content, Q: OfRay>(
         &self,
         simd: S,
-        child: Child,
-        n: usize,
-        (turned, first): (u32, usize),
+        Group { child, turned, len: n }: Group,
         stream: &mut Stream<W>,
-    ) {
+    ) -> Group {
         let node = &self.wide.tree.nodes[child.node_index()];
-        let mut children = 0;
-        for (&ray, entered) in stream.here[..n].iter().zip(&mut stream.entered) {
-            let ray = ray as usize;
-            let Some(cull) = stream.prepared[ray / W].ray(ray % W) else { continue };
-            let end = simd.splat_f32(cull.end_above());
-            (*entered, _) = BoxRay::new(simd, cull, C::FACES).test(simd, node, end);
-            children |= *entered;
+        let (mut end, near_first) = stream.in_use();
+        let near_end = if Q::ANY { 0 } else { near_first + n * W };
+        let Stream { prepared, ends, waiting, lists, near, here, listed: entries, entered, .. } = stream;
+        if near.len() < near_end {
+            near.resize(near_end, 0.0);
         }
-        if children == 0 {
-            return;
+        let (planes, zero) = (sides(simd, node, turned), simd.splat_f32(0.0));
+        let mut children = 0;
+        for i in 0..n.min(MOST) {
+            let ray = ray_of(here[i]);
+            let cull = prepared[ray / W].ray(ray % W).expect(LISTED);
+            let end = simd.splat_f32(ends[ray]);
+            let (bits, near_each) = BoxRay::new(simd, cull, C::FACES).test_sides(simd, node, planes, end);
+            entries[i] = here[i];
+            if !Q::ANY {
+                let at = near_first + i * W;
+                near_each.max(zero).store(&mut near[at..at + W]);
+                entries[i] = listed(ray, at);
+            }
+            entered[i] = bits;
+            children |= bits;
         }
         // Behind the rays there are none.
-        stream.entered[n..n + W].fill(0);
-        let most = first + n * children.count_ones() as usize + W;
-        if stream.lists.len() < most {
-            stream.lists.resize(most, 0);
+        entered[n..n + W].fill(0);
+        let (order, len) = in_order::<S, Q, W>(simd, node, child, turned, children);
+        let Some((&next, others)) = order[..len].split_last() else { return Group { child, turned, len: 0 } };
+        let most = end + n * others.len() + BEHIND;
+        if lists.len() < most {
+            lists.resize(most, 0);
         }
-        // What is listed last is visited first: in the order of a ray by itself.
-        let (mut end, is_turned) = (first, child.is_turned(turned));
-        while children != 0 {
-            let lane = if is_turned { 31 - children.leading_zeros() } else { children.trailing_zeros() };
-            children ^= 1 << lane;
-            end = stream.list(simd, n, (Child(node.children[lane as usize % W]), lane), (turned, end));
+        for &lane in others {
+            let first = end;
+            for block in (0..n).step_by(W) {
+                let lanes = simd.any_bits_u32(&entered[block..block + W], 1 << lane);
+                simd.compress_u32(lanes, &entries[block..block + W], &mut lists[end..end + W]);
+                end += lanes.bits().count_ones() as usize;
+            }
+            let group = Group { child: Child(node.children[lane as usize % W]), turned, len: end - first };
+            waiting.push(Waiting { group, first, column: lane as usize, near_end });
+        }
+        // Those that go on move up, behind what has been read.
+        let mut end = 0;
+        for block in (0..n).step_by(W) {
+            let lanes = simd.any_bits_u32(&entered[block..block + W], 1 << next);
+            let rays: [u32; W] = here[block..block + W].try_into().expect("as many as lanes");
+            simd.compress_u32(lanes, &rays, &mut here[end..end + W]);
+            end += lanes.bits().count_ones() as usize;
+        }
+        Group { child: Child(node.children[next as usize % W]), turned, len: end }
+    }
+
+    /// Writes the answers.
+    #[inline(always)]
+    fn end<S: Simd, Q: OfStream>(&self, simd: S, places: &mut [Q::Answer], stream: &Stream<W>) {
+        let Self { wide, columns, first } = self;
+        for (block, places) in places.chunks_mut(W).enumerate() {
+            let of = block * W..block * W + places.len();
+            let left = columns.left_by(first + of.start..first + of.end);
+            let departing = Departing { rays: *columns, first: first + of.start, left };
+            Q::write::<S, W>(simd, wide, &departing, (&stream.nearest[of.clone()], &stream.ends[of]), places);
         }
     }
 }
 
-/// The place of a ray in a stream.
+/// Of a node, the slots of children given by their bits, in the order in which lists are made of them: what is listed last is
+/// visited first, as by a ray by itself.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "a stream is short")]
-fn number(ray: usize) -> u32 {
-    ray as u32
+fn in_order<S: Simd, Q: OfRay, const W: usize>(
+    simd: S,
+    node: &Node<W>,
+    number: Child,
+    turned: u32,
+    mut children: u32,
+) -> ([u32; W], usize) {
+    if Q::ANY {
+        let (mut order, mut len, is_turned) = ([0; W], 0, number.is_turned(turned));
+        while children != 0 {
+            let lane = if is_turned { 31 - children.leading_zeros() } else { children.trailing_zeros() };
+            children ^= 1 << lane;
+            order[len % W] = lane;
+            len += 1;
+        }
+        return (order, len);
+    }
+    farthest_first(simd, node, turned, children)
 }

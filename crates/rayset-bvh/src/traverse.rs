@@ -14,6 +14,9 @@ pub(crate) trait Visitor {
     const FACES: bool;
     /// Whether what lies farthest along a ray comes first where any hit will do.
     const FARTHEST_FIRST: bool;
+    /// Whether children are visited in the order in which they lie along the way that the ray runs where the nearest hit is
+    /// asked for, and not in that in which the ray enters them.
+    const BY_WAY: bool;
 
     /// Tests a leaf; the new end of the span in culling space, or `None` to stop.
     fn leaf(&mut self, leaf: usize) -> Option<f32>;
@@ -126,9 +129,20 @@ impl<S: Simd> BoxRay<S> {
     /// The boxes of a node that the ray enters, a bit each, and where.
     #[inline(always)]
     pub(crate) fn test<const W: usize>(&self, simd: S, node: &Node<W>, ends: S::F32) -> (u32, S::F32) {
+        let sides = [load(simd, node, self.near_planes), load(simd, node, self.far_planes)];
+        self.test_sides(simd, node, sides, ends)
+    }
+
+    /// The same, given the planes of all boxes that are near, and far, for rays that run its way.
+    #[inline(always)]
+    pub(crate) fn test_sides<const W: usize>(
+        &self,
+        simd: S,
+        node: &Node<W>,
+        [[near_x, near_y, near_z], [far_x, far_y, far_z]]: [[S::F32; 3]; 2],
+        ends: S::F32,
+    ) -> (u32, S::F32) {
         let ([ix, iy, iz], [nx, ny, nz], [fx, fy, fz]) = (self.inverse, self.near_offset, self.far_offset);
-        let [near_x, near_y, near_z] = load(simd, node, self.near_planes);
-        let [far_x, far_y, far_z] = load(simd, node, self.far_planes);
         let (near_x, far_x) = (near_x.mul_add(ix, nx), far_x.mul_add(ix, fx));
         let (near_y, far_y) = (near_y.mul_add(iy, ny), far_y.mul_add(iy, fy));
         let (near_z, far_z) = (near_z.mul_add(iz, nz), far_z.mul_add(iz, fz));
@@ -147,7 +161,7 @@ impl<S: Simd> BoxRay<S> {
 fn enter<S: Simd, const W: usize>(
     simd: S,
     node: &Node<W>,
-    ray: &BoxRay<S>,
+    (ray, way): (&BoxRay<S>, Option<u32>),
     ends: S::F32,
     stack: &mut [u64],
     height: &mut usize,
@@ -163,6 +177,16 @@ fn enter<S: Simd, const W: usize>(
     let near = near.max(simd.splat_f32(0.0));
     let mut entries = Aligned([[0.0]; W]);
     near.store(entries.0.as_flattened_mut());
+    if let Some(way) = way {
+        return Some(put_by_way(
+            simd,
+            node,
+            (bits, way),
+            entries.0.as_flattened().try_into().expect("one column"),
+            stack,
+            height,
+        ));
+    }
     Some(put_by_distance(node, bits, (&entries.0, 0), stack, height))
 }
 
@@ -216,6 +240,55 @@ pub(crate) fn put_by_distance<const W: usize, const N: usize>(
     child_of(a)
 }
 
+/// The same, but in the order in which the children lie along the way that the ray runs, whatever their distances.
+#[inline(always)]
+fn put_by_way<S: Simd, const W: usize>(
+    simd: S,
+    node: &Node<W>,
+    (bits, way): (u32, u32),
+    distances: &[f32; W],
+    stack: &mut [u64],
+    height: &mut usize,
+) -> Child {
+    let (order, len) = farthest_first(simd, node, way, bits);
+    for &lane in &order[..len - 1] {
+        let lane = lane as usize % W;
+        stack[*height] = entry(node, distances[lane], lane);
+        *height += 1;
+    }
+    Child(node.children[order[len - 1] as usize % W])
+}
+
+/// Of a node, the slots of children given by their bits in the order in which they lie along a way, the farthest first, and
+/// how many they are; the way runs backwards along some axes, a bit each.
+#[inline(always)]
+pub(crate) fn farthest_first<S: Simd, const W: usize>(
+    simd: S,
+    node: &Node<W>,
+    way: u32,
+    mut children: u32,
+) -> ([u32; W], usize) {
+    let (mut order, mut len) = ([0; W], 0);
+    if children & children.wrapping_sub(1) == 0 {
+        order[0] = children.trailing_zeros();
+        return (order, usize::from(children != 0));
+    }
+    let along = node.along(simd, way);
+    let key = |lane: u32| (along.0[lane as usize % W].to_bits(), lane);
+    while children != 0 {
+        let lane = children.trailing_zeros();
+        children &= children - 1;
+        let mut place = len;
+        while place > 0 && key(order[place - 1]) < key(lane) {
+            order[place % W] = order[place - 1];
+            place -= 1;
+        }
+        order[place % W] = lane;
+        len += 1;
+    }
+    (order, len)
+}
+
 /// The next child on the stack that a ray enters before the end, given by its bits.
 #[inline(always)]
 fn next(stack: &[u64], height: &mut usize, end_bits: u32) -> Option<Child> {
@@ -245,6 +318,7 @@ pub(crate) fn traverse<S: Simd, V: Visitor, const W: usize>(
     visitor: &mut V,
 ) {
     assert!(S::F32::LANES == W, "a node is as wide as the lanes");
+    let way = if V::BY_WAY { Some(ray.turned()) } else { None };
     let ray = BoxRay::new(simd, ray, V::FACES);
     let mut ends = simd.splat_f32(end);
     let mut end_bits = end.max(0.0).to_bits();
@@ -265,7 +339,7 @@ pub(crate) fn traverse<S: Simd, V: Visitor, const W: usize>(
         } else {
             nodes += 1;
             let node = &tree.nodes[current.node_index()];
-            if let Some(child) = enter(simd, node, &ray, ends, stack, &mut height) {
+            if let Some(child) = enter(simd, node, (&ray, way), ends, stack, &mut height) {
                 current = child;
                 continue;
             }
@@ -355,6 +429,15 @@ fn entry<const W: usize>(node: &Node<W>, distance: f32, lane: usize) -> u64 {
 #[expect(clippy::cast_possible_truncation, reason = "the lower half")]
 fn child_of(entry: u64) -> Child {
     Child(entry as u32)
+}
+
+/// The planes of all boxes of a node that are near, and far, for rays that run backwards along some axes, a bit each.
+#[inline(always)]
+pub(crate) fn sides<S: Simd, const W: usize>(simd: S, node: &Node<W>, turned: u32) -> [[S::F32; 3]; 2] {
+    let upper = [0, 1, 2].map(|k| 3 * (turned >> k & 1) as usize);
+    let near = [upper[0], 1 + upper[1], 2 + upper[2]];
+    let far = [3 - upper[0], 4 - upper[1], 5 - upper[2]];
+    [load(simd, node, near), load(simd, node, far)]
 }
 
 /// Three planes of all boxes of a node.

@@ -1,4 +1,4 @@
-//! Light rays of triangles that go together, node by node, do what each would do by itself.
+//! Rays among triangles that go together, node by node, do what each would do by itself.
 
 mod together;
 mod truth;
@@ -6,7 +6,7 @@ mod truth;
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use rayset_bvh::{Hierarchy, Left, Query};
+use rayset_bvh::{Hierarchy, HitOrNone, Left, Query};
 use rayset_geometry::glam::{DVec3, dvec3};
 use rayset_geometry::{Primitive, Ray, Side, Sides, Span, Triangle};
 use rayset_simd::Backend;
@@ -77,6 +77,15 @@ fn a_stream_visits_what_each_of_its_rays_does() {
                 assert_eq!(occluded, expected, "{backend}, {len} rays");
                 assert_eq!(scratch.steps, alone.steps, "{backend}, {len} rays");
                 assert_eq!(scratch.primitive_tests, alone.primitive_tests, "{backend}, {len} rays");
+                let expected: Vec<HitOrNone> =
+                    queries.iter().map(|query| hierarchy.nearest_with(query, &mut alone).into()).collect();
+                let something = HitOrNone { t: 0.5, primitive: 1 };
+                let mut hits = vec![something; len + 1];
+                hierarchy.nearest_each(&list.columns(&left), &mut hits, &mut scratch);
+                assert_eq!(hits.pop(), Some(something), "{backend}: no place of another ray is written");
+                assert_eq!(hits, expected, "{backend}, {len} rays");
+                assert_eq!(scratch.steps, alone.steps, "{backend}, {len} rays, nearest");
+                assert_eq!(scratch.primitive_tests, alone.primitive_tests, "{backend}, {len} rays, nearest");
             }
             assert!(n < 1000 || scratch.steps.nodes > 2000, "{backend}: {:?}", scratch.steps);
         }
@@ -132,6 +141,48 @@ fn what_lies_farthest_is_looked_at_first() {
     }
 }
 
+/// In a row of triangles that are all hit, whichever way it runs, the near end is where rays look first that ask for the
+/// nearest hit: by themselves, and in lists, which visit node by node.
+#[test]
+fn what_lies_nearest_is_looked_at_first() {
+    let across = |x: f64, y: f64, z: f64, axis: usize| match axis {
+        0 => dvec3(z, x, y),
+        1 => dvec3(y, z, x),
+        _ => dvec3(x, y, z),
+    };
+    for axis in 0..3 {
+        let corner = |x: f64, y: f64, z: f64| across(x, y, z, axis);
+        let primitives: Vec<_> = (0..1000)
+            .map(|i| {
+                let z = f64::from(i);
+                let triangle = Triangle::new(corner(-1.0, 1.0, z), corner(1.0, -1.0, z), corner(2.0, 2.0, z));
+                (Primitive::from(triangle), Sides::Both)
+            })
+            .collect();
+        let (columns, items) = columns_of(&primitives);
+        for &backend in Backend::available() {
+            let hierarchy = Hierarchy::over(&columns, &items, backend);
+            for (z, sense, first) in [(-10.0, 1.0, 0), (1010.0, -1.0, 999)] {
+                let ray = Ray::new(across(0.25, 0.25, z, axis), across(0.0, 0.0, sense, axis));
+                let (span, from) = (Span { start: 0.0, end: f64::INFINITY }, None);
+                let mut scratch = hierarchy.scratch();
+                let hit = hierarchy.nearest_with(&Query { ray, span, from }, &mut scratch);
+                assert_eq!(hit.map(|hit| hit.primitive), Some(first), "{backend}, axis {axis}, {sense}");
+                assert_eq!(scratch.steps.leaves, 1, "{backend}, axis {axis}, {sense}");
+                for len in [1, 2, 40] {
+                    let mut list = List::default();
+                    (0..len).for_each(|_| list.push(&ray, span, from));
+                    let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
+                    let (mut hits, mut scratch) = (vec![HitOrNone::NONE; len], hierarchy.scratch());
+                    hierarchy.nearest_each(&list.columns(&left), &mut hits, &mut scratch);
+                    assert!(hits.iter().all(|hit| hit.primitive == first), "{backend}, axis {axis}, {sense}");
+                    assert_eq!(scratch.steps.leaves, len as u64, "{backend}, axis {axis}, {sense}");
+                }
+            }
+        }
+    }
+}
+
 /// What is kept between lists has room for a hierarchy that is deeper than the last.
 #[test]
 fn a_scratch_serves_several_hierarchies() {
@@ -150,6 +201,10 @@ fn a_scratch_serves_several_hierarchies() {
             hierarchy.occluded_each(&list.columns(&left), &mut occluded, &mut scratch);
             hierarchy.occluded_each(&list.columns(&left), &mut expected, &mut other.clone());
             assert_eq!(occluded, expected, "{backend}");
+            let [mut hits, mut expected] = [(); 2].map(|()| vec![HitOrNone::NONE; len]);
+            hierarchy.nearest_each(&list.columns(&left), &mut hits, &mut scratch);
+            hierarchy.nearest_each(&list.columns(&left), &mut expected, &mut other.clone());
+            assert_eq!(hits, expected, "{backend}");
         }
     }
 }

@@ -24,6 +24,8 @@ pub(crate) trait Content {
     const FACES: bool;
     /// Whether rays look first at what lies farthest along them where any hit will do, and not where slots end.
     const FARTHEST_FIRST: bool;
+    /// Whether lists of rays go node by node, which lets children be visited by the way that rays run.
+    const STREAMS: bool;
 }
 
 /// Spheres alone.
@@ -39,6 +41,7 @@ impl Content for OnlySpheres {
     const OTHERS: bool = false;
     const FACES: bool = false;
     const FARTHEST_FIRST: bool = false;
+    const STREAMS: bool = false;
 }
 
 impl<const FACES: bool> Content for OnlyTriangles<FACES> {
@@ -47,6 +50,7 @@ impl<const FACES: bool> Content for OnlyTriangles<FACES> {
     const OTHERS: bool = false;
     const FACES: bool = FACES;
     const FARTHEST_FIRST: bool = true;
+    const STREAMS: bool = true;
 }
 
 impl Content for Anything {
@@ -55,6 +59,7 @@ impl Content for Anything {
     const OTHERS: bool = true;
     const FACES: bool = false;
     const FARTHEST_FIRST: bool = false;
+    const STREAMS: bool = false;
 }
 
 /// A ray on its way.
