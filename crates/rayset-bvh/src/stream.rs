@@ -33,7 +33,7 @@ const MOST: usize = 128;
 /// Fewer rays than this go on from a node one by one.
 const LEAST: usize = 3;
 
-/// Where the rays of a list whose span ends here have their answer.
+/// Where the span of a ray ends that has its answer.
 const ANSWERED: f32 = f32::NEG_INFINITY;
 
 /// Why a ray of a list is one that may hit something.
