@@ -267,9 +267,9 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
                 blocked = shared.ask(simd, &wide.shapes, &prepared, left, open, tests);
                 open &= !blocked;
             }
-            scratch.steps.nodes += if Q::ANY && C::FACES {
+            scratch.steps.nodes += if Q::BLOCKED.is_some() && C::FACES {
                 entrance.begin::<S, true, true>(simd, &wide.tree, &prepared, &ends, open)
-            } else if Q::ANY {
+            } else if Q::BLOCKED.is_some() {
                 entrance.begin::<S, true, false>(simd, &wide.tree, &prepared, &ends, open)
             } else {
                 entrance.begin::<S, false, false>(simd, &wide.tree, &prepared, &ends, open)

@@ -1,9 +1,9 @@
 //! The first steps of rays that are traced one by one, taken together.
 //!
 //! Every ray of a list tests the same node first. As many rays as there are lanes test one child after the other, which
-//! waits for nothing and guesses nothing; and where any hit will do, so that all that is entered has to be visited, the
-//! same once more for the nodes that several of them go on to. Then each ray goes on by itself, and most rays that meet
-//! nothing end here.
+//! waits for nothing and guesses nothing; and where any hit will do, and rays share their work, the same once more for the
+//! nodes that several of them go on to: all that is entered has to be visited, unless something is hit before. Then each ray
+//! goes on by itself, and most rays that meet nothing end here.
 
 use rayset_simd::{CullLanes, LaneMask, Lanes, Part, Simd};
 
@@ -95,8 +95,10 @@ impl<const W: usize> Entrance<W> {
 
     /// Prepared rays, those in open lanes, enter a tree up to the ends of their spans; how many nodes they tested, counted
     /// by ray. The root may be a leaf, which rays enter untested.
+    ///
+    /// With `SECOND` they go on to nodes below the root, which a ray by itself might have been stopped before.
     #[inline(always)]
-    pub(crate) fn begin<S: Simd, const ANY: bool, const FACES: bool>(
+    pub(crate) fn begin<S: Simd, const SECOND: bool, const FACES: bool>(
         &mut self,
         simd: S,
         tree: &Tree<W>,
@@ -109,10 +111,11 @@ impl<const W: usize> Entrance<W> {
             (self.near[0], self.entered, self.tested) = ([0.0; W], [1.0; W], 0);
             return 0;
         }
-        if ANY {
+        if SECOND {
             simd.outline(BeginAny::<W, FACES> { entrance: self, tree, rays, ends, open })
         } else {
             self.test_root(simd, &tree.nodes[0], rays, ends);
+            self.tested = 0;
             u64::from(open.count_ones())
         }
     }
