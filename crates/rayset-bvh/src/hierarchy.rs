@@ -295,6 +295,8 @@ impl<const W: usize> Wide<W> {
     ) -> Option<Hit> {
         if self.shapes.is_only(PrimitiveKind::Sphere) {
             self.nearest_alone::<S, OnlySpheres>(simd, frame, ray, span, from, scratch)
+        } else if self.shapes.is_only(PrimitiveKind::Triangle) && self.has_faces {
+            self.nearest_alone::<S, OnlyTriangles<true>>(simd, frame, ray, span, from, scratch)
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {
             self.nearest_alone::<S, OnlyTriangles<false>>(simd, frame, ray, span, from, scratch)
         } else {
@@ -410,6 +412,8 @@ impl<const W: usize> Wide<W> {
     ) -> bool {
         if self.shapes.is_only(PrimitiveKind::Sphere) {
             self.occluded_alone::<S, OnlySpheres>(simd, frame, ray, span, from, scratch)
+        } else if self.shapes.is_only(PrimitiveKind::Triangle) && self.has_faces {
+            self.occluded_alone::<S, OnlyTriangles<true>>(simd, frame, ray, span, from, scratch)
         } else if self.shapes.is_only(PrimitiveKind::Triangle) {
             self.occluded_alone::<S, OnlyTriangles<false>>(simd, frame, ray, span, from, scratch)
         } else {
