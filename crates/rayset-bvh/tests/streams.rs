@@ -1,4 +1,4 @@
-//! Rays among triangles that go together, node by node, do what each would do by itself.
+//! Rays of a list do what each would do by itself; among triangles they go together, node by node.
 
 mod together;
 mod truth;
@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayset_bvh::{Hierarchy, HitOrNone, Left, Query};
 use rayset_geometry::glam::{DVec3, dvec3};
-use rayset_geometry::{Primitive, Ray, Side, Sides, Span, Triangle};
+use rayset_geometry::{Primitive, Ray, Side, Sides, Span, Sphere, Triangle};
 use rayset_simd::Backend;
 
 use together::{List, check};
@@ -54,6 +54,70 @@ fn rays(n: usize, primitives: usize, dice: &mut Dice) -> (List, Vec<Query>) {
     (list, queries)
 }
 
+/// Squares across the axes on a grid, each of two triangles: planes that many of them share.
+fn steps(n: usize, dice: &mut Dice) -> Vec<(Primitive, Sides)> {
+    let mut corners = |i: usize| {
+        let on_grid = |x: f64| (8.0 * x).round() / 8.0;
+        let a = dice.point().to_array().map(on_grid);
+        let (mut u, mut v) = ([0.0; 3], [0.0; 3]);
+        (u[(i + 1) % 3], v[(i + 2) % 3]) = (0.125, 0.125);
+        let [a, u, v] = [a, u, v].map(DVec3::from);
+        [Triangle::new(a, a + u, a + v), Triangle::new(a + u + v, a + u, a + v)]
+    };
+    (0..n).flat_map(&mut corners).map(|triangle| (triangle.into(), Sides::Both)).collect()
+}
+
+/// Rays that leave triangles from their middles.
+fn leaving(n: usize, primitives: &[(Primitive, Sides)], dice: &mut Dice) -> (List, Vec<Query>) {
+    let (mut list, mut queries) = (List::default(), Vec::new());
+    for i in 0..n {
+        let number = i * 31 % primitives.len();
+        let Primitive::Triangle(triangle) = &primitives[number].0 else { unreachable!("all are triangles") };
+        let [a, b, c] = triangle.vertices();
+        let ray = Ray::between((a + b + c) / 3.0, 4.0 * dice.point()).unwrap();
+        let span = Span { start: 1e-9, end: f64::INFINITY };
+        let from = Some((u32::try_from(number).unwrap(), [Side::Front, Side::Back][i % 2]));
+        list.push(&ray, span, from);
+        queries.push(Query { ray, span, from });
+    }
+    (list, queries)
+}
+
+/// Compares lists of many lengths with rays one by one: answers, and nodes, leaves and primitives that were tested, on
+/// every backend; how many nodes those were.
+fn compare(primitives: &[(Primitive, Sides)], mut rays: impl FnMut(usize) -> (List, Vec<Query>)) -> Vec<u64> {
+    let (columns, items) = columns_of(primitives);
+    let each = |&backend: &Backend| {
+        let hierarchy = Hierarchy::over(&columns, &items, backend);
+        let (mut scratch, mut alone) = (hierarchy.scratch(), hierarchy.scratch());
+        for len in [300, 0, 1, 2, 3, 7, 8, 9, 15, 16, 17, 33, 127, 128, 129, 257] {
+            let (list, queries) = rays(len);
+            let what = format!("{backend}, {} primitives, {len} rays", primitives.len());
+            let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
+            let expected: Vec<_> =
+                queries.iter().map(|query| hierarchy.occluded_with(query, &mut alone)).collect();
+            // What stands in the places before does not matter, nor that there are more.
+            let mut occluded = vec![true; len + 1];
+            hierarchy.occluded_each(&list.columns(&left), &mut occluded, &mut scratch);
+            assert_eq!(occluded.pop(), Some(true), "{what}: no place of another ray is written");
+            assert_eq!(occluded, expected, "{what}");
+            assert_eq!(scratch.steps, alone.steps, "{what}");
+            assert_eq!(scratch.primitive_tests, alone.primitive_tests, "{what}");
+            let expected: Vec<HitOrNone> =
+                queries.iter().map(|query| hierarchy.nearest_with(query, &mut alone).into()).collect();
+            let something = HitOrNone { t: 0.5, primitive: 1 };
+            let mut hits = vec![something; len + 1];
+            hierarchy.nearest_each(&list.columns(&left), &mut hits, &mut scratch);
+            assert_eq!(hits.pop(), Some(something), "{what}: no place of another ray is written");
+            assert_eq!(hits, expected, "{what}");
+            assert_eq!(scratch.steps, alone.steps, "{what}, nearest");
+            assert_eq!(scratch.primitive_tests, alone.primitive_tests, "{what}, nearest");
+        }
+        scratch.steps.nodes
+    };
+    Backend::available().iter().map(each).collect()
+}
+
 /// Nodes, leaves and primitives are those of rays one by one, whatever list they stand in.
 #[test]
 fn a_stream_visits_what_each_of_its_rays_does() {
@@ -61,34 +125,29 @@ fn a_stream_visits_what_each_of_its_rays_does() {
     // A single leaf, a few nodes, and many.
     for n in [3, 60, 5000] {
         let primitives = triangles(n, &mut dice);
-        let (columns, items) = columns_of(&primitives);
-        for &backend in Backend::available() {
-            let hierarchy = Hierarchy::over(&columns, &items, backend);
-            let (mut scratch, mut alone) = (hierarchy.scratch(), hierarchy.scratch());
-            for len in [300, 0, 1, 2, 3, 7, 8, 9, 15, 16, 17, 33, 127, 128, 129, 257] {
-                let (list, queries) = rays(len, primitives.len(), &mut dice);
-                let expected: Vec<_> =
-                    queries.iter().map(|query| hierarchy.occluded_with(query, &mut alone)).collect();
-                let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
-                // What stands in the places before does not matter, nor that there are more.
-                let mut occluded = vec![true; len + 1];
-                hierarchy.occluded_each(&list.columns(&left), &mut occluded, &mut scratch);
-                assert_eq!(occluded.pop(), Some(true), "{backend}: no place of another ray is written");
-                assert_eq!(occluded, expected, "{backend}, {len} rays");
-                assert_eq!(scratch.steps, alone.steps, "{backend}, {len} rays");
-                assert_eq!(scratch.primitive_tests, alone.primitive_tests, "{backend}, {len} rays");
-                let expected: Vec<HitOrNone> =
-                    queries.iter().map(|query| hierarchy.nearest_with(query, &mut alone).into()).collect();
-                let something = HitOrNone { t: 0.5, primitive: 1 };
-                let mut hits = vec![something; len + 1];
-                hierarchy.nearest_each(&list.columns(&left), &mut hits, &mut scratch);
-                assert_eq!(hits.pop(), Some(something), "{backend}: no place of another ray is written");
-                assert_eq!(hits, expected, "{backend}, {len} rays");
-                assert_eq!(scratch.steps, alone.steps, "{backend}, {len} rays, nearest");
-                assert_eq!(scratch.primitive_tests, alone.primitive_tests, "{backend}, {len} rays, nearest");
-            }
-            assert!(n < 1000 || scratch.steps.nodes > 2000, "{backend}: {:?}", scratch.steps);
-        }
+        let nodes = compare(&primitives, |len| rays(len, n, &mut dice));
+        assert!(n < 1000 || nodes.iter().all(|&nodes| nodes > 4000), "{nodes:?}");
+    }
+}
+
+/// The same where rays leave faces behind them.
+#[test]
+fn a_stream_leaves_the_faces_behind_that_each_of_its_rays_does() {
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(3));
+    for n in [20, 2000] {
+        let primitives = steps(n, &mut dice);
+        compare(&primitives, |len| leaving(len, &primitives, &mut dice));
+    }
+}
+
+/// The same among spheres, whose rays go one by one.
+#[test]
+fn lists_among_spheres_do_the_work_of_each_of_their_rays() {
+    let mut dice = Dice(ChaCha8Rng::seed_from_u64(4));
+    for n in [64, 2000] {
+        let primitives: Vec<_> =
+            (0..n).map(|_| (Sphere::new(dice.point(), 0.05).into(), Sides::Both)).collect();
+        compare(&primitives, |len| rays(len, n, &mut dice));
     }
 }
 
