@@ -3,9 +3,11 @@
 //! Which it is, counters decide and never a clock: a shaft is given up once it has taken more steps than those who entered
 //! the boxes on its way would have taken without it, and the next few are not even tried, the more of them the more often
 //! that happens. What was found until then stays, since every hit is an upper bound.
+//!
+//! Rays that go one by one wait for those behind them in the list, so that few lanes are empty.
 
 use std::marker::PhantomData;
-use std::ops::Range;
+use std::ops::{AddAssign, Range};
 
 use rayset_simd::{Part, Simd};
 
@@ -23,6 +25,7 @@ use crate::packet::{Approach, Packet, Units, level};
 use crate::shaft::Shaft;
 use crate::shapes::Shapes;
 use crate::together::Question;
+use crate::traverse::Steps;
 use crate::trial::Trial;
 
 /// What it costs to make a packet, in steps.
@@ -41,10 +44,48 @@ const FIRST_STEPS: u64 = 8;
 pub struct BundleScratch {
     /// What single rays keep.
     pub single: Scratch,
-    /// How the rays were answered.
-    pub bundled: Bundled,
+    /// What the parts of lists took, if it is to be written down: who asks for it clears it.
+    pub parts: Option<Vec<PartOfList>>,
+    /// What the parts took that have been written down.
+    written: Spent,
     /// What is known of each class of rays.
     classes: [Class; N_CLASSES],
+    waiting: Waiting,
+}
+
+/// Some rays of a list that correspond: what is found out about shafts round some is taken to hold for the others.
+#[derive(Clone, Debug)]
+pub struct Group {
+    /// Which rays these are.
+    pub range: Range<usize>,
+    /// Whether shafts pay is found out for each class by itself, from list to list; numbers that differ by 64 share one.
+    pub class: usize,
+}
+
+/// What some rays of a list took together.
+#[derive(Clone, Debug)]
+pub struct PartOfList {
+    /// Which rays these are; a ray may be in several parts.
+    pub range: Range<usize>,
+    /// What they took.
+    pub spent: Spent,
+}
+
+/// What rays took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Spent {
+    /// Nodes whose boxes were tested.
+    pub nodes: u64,
+    /// Primitives that were tested.
+    pub primitive_tests: u64,
+}
+
+/// Rays that are to go one by one, of which nothing is known yet.
+#[derive(Clone, Debug)]
+struct Waiting {
+    range: Range<usize>,
+    /// How many of them each class has.
+    classes: Vec<(usize, u64)>,
 }
 
 /// How the rays of a class fared so far.
@@ -57,6 +98,7 @@ struct Class {
     blockers: Blockers,
     /// Steps and number of the rays traced alone.
     alone: (u64, u64),
+    bundled: Bundled,
 }
 
 /// How many classes of rays are told apart, at most.
@@ -77,6 +119,16 @@ pub struct Bundled {
     pub at_once: u64,
 }
 
+impl AddAssign for Bundled {
+    fn add_assign(&mut self, Self { tiles, packets, blockers, alone, at_once }: Self) {
+        self.tiles += tiles;
+        self.packets += packets;
+        self.blockers += blockers;
+        self.alone += alone;
+        self.at_once += at_once;
+    }
+}
+
 impl Class {
     const NEW: Self = Self {
         cones: Trial::NEW,
@@ -85,6 +137,7 @@ impl Class {
         packets: Trial::NEW,
         blockers: Blockers::NEW,
         alone: (0, 0),
+        bundled: Bundled { tiles: 0, packets: 0, blockers: 0, alone: 0, at_once: 0 },
     };
 
     /// How many steps some rays would take alone.
@@ -104,12 +157,51 @@ impl Class {
 }
 
 impl BundleScratch {
+    /// How the rays of a class were answered since this was last asked.
+    pub fn take_bundled(&mut self, class: usize) -> Bundled {
+        std::mem::take(&mut self.classes[class % N_CLASSES].bundled)
+    }
+
+    /// What all rays took so far.
+    fn spent(&self) -> Spent {
+        Spent { nodes: self.single.steps.nodes, primitive_tests: self.single.primitive_tests }
+    }
+
+    /// Writes down that some rays took what has been counted since `before`, if it is to be written down.
+    fn write_part(&mut self, range: &Range<usize>, before: Spent) {
+        let now = self.spent();
+        if let Some(parts) = &mut self.parts {
+            let nodes = now.nodes - before.nodes;
+            let primitive_tests = now.primitive_tests - before.primitive_tests;
+            parts.push(PartOfList { range: range.clone(), spent: Spent { nodes, primitive_tests } });
+            self.written.nodes += nodes;
+            self.written.primitive_tests += primitive_tests;
+        }
+    }
+
+    /// Counts what rays that went one by one have taken, so many of each class; the blockers were those of the first.
+    fn count_alone(&mut self, before: Steps, classes: &[(usize, u64)]) {
+        let Steps { nodes, leaves } = self.single.steps;
+        let steps = nodes + leaves - before.nodes - before.leaves;
+        let all: u64 = classes.iter().map(|&(_, n)| n).sum();
+        let mut answered = std::mem::take(&mut self.classes[classes[0].0].blockers.answered);
+        for &(class, n) in classes {
+            // Which of the rays they were is not known, and does not matter.
+            let blocked = answered.min(n);
+            answered -= blocked;
+            let Class { bundled, alone, .. } = &mut self.classes[class];
+            bundled.blockers += blocked;
+            bundled.alone += n - blocked;
+            *alone = (alone.0 + steps * n / all, alone.1 + n - blocked);
+        }
+    }
+
     /// Counts the rays of a class that blockers of others have answered, and remembers a blocker; how many that are.
     fn count_blocked(&mut self, class: usize, (blocked, record): (u64, Option<u32>)) -> u64 {
         if let Some(record) = record {
             self.classes[class].blockers.remember(record);
         }
-        self.bundled.blockers += blocked;
+        self.classes[class].bundled.blockers += blocked;
         blocked
     }
 }
@@ -120,15 +212,16 @@ impl Hierarchy {
     pub fn bundle_scratch(&self) -> BundleScratch {
         BundleScratch {
             single: self.scratch(),
-            bundled: Bundled::default(),
+            parts: None,
+            written: Spent::default(),
             classes: [Class::NEW; N_CLASSES],
+            waiting: Waiting { range: 0..0, classes: Vec::new() },
         }
     }
 
-    /// The least hits of some rays of a list; the answers go to the rays' places.
+    /// The least hits of the rays of a list that are in its groups; the answers go to the rays' places.
     ///
-    /// Rays that are near each other in the list should be near each other in space. Whether shafts pay is found out for
-    /// each `class` of rays by itself; numbers that differ by 64 share one.
+    /// Rays that are near each other in a group should be near each other in space.
     ///
     /// # Panics
     ///
@@ -136,18 +229,17 @@ impl Hierarchy {
     pub fn nearest_bundle(
         &self,
         rays: &RayColumns<'_>,
-        range: Range<usize>,
-        class: usize,
+        groups: &[Group],
         hits: &mut [HitOrNone],
         scratch: &mut BundleScratch,
     ) {
         if !self.few().replace_tree() {
-            hits[range.clone()].fill(HitOrNone::NONE);
+            groups.iter().for_each(|group| hits[group.range.clone()].fill(HitOrNone::NONE));
         }
-        self.run(OfBundle { rays, range, class, list: NearestHits(hits), scratch });
+        self.run(OfBundle { rays, groups, list: NearestHits(hits), scratch });
     }
 
-    /// Whether some rays of a list hit anything: as [`Hierarchy::nearest_bundle`].
+    /// Whether the rays of a list that are in its groups hit anything: as [`Hierarchy::nearest_bundle`].
     ///
     /// # Panics
     ///
@@ -155,22 +247,20 @@ impl Hierarchy {
     pub fn occluded_bundle(
         &self,
         rays: &RayColumns<'_>,
-        range: Range<usize>,
-        class: usize,
+        groups: &[Group],
         occluded: &mut [bool],
         scratch: &mut BundleScratch,
     ) {
         if !self.few().replace_tree() {
-            occluded[range.clone()].fill(false);
+            groups.iter().for_each(|group| occluded[group.range.clone()].fill(false));
         }
-        self.run(OfBundle { rays, range, class, list: Occluded(occluded), scratch });
+        self.run(OfBundle { rays, groups, list: Occluded(occluded), scratch });
     }
 }
 
 struct OfBundle<'a, L> {
     rays: &'a RayColumns<'a>,
-    range: Range<usize>,
-    class: usize,
+    groups: &'a [Group],
     list: L,
     scratch: &'a mut BundleScratch,
 }
@@ -180,8 +270,12 @@ impl<L: List> Task for OfBundle<'_, L> {
 
     #[inline(always)]
     fn run<S: Simd, const W: usize>(self, simd: S, frame: &Frame, wide: &Wide<W>) {
-        let Self { rays, range, class, list, scratch } = self;
-        wide.bundle(simd, frame, rays, range, class, list, scratch);
+        let Self { rays, groups, mut list, scratch } = self;
+        scratch.written = scratch.spent();
+        for group in groups {
+            wide.bundle(simd, frame, rays, group, &mut list, scratch);
+        }
+        wide.go_on(simd, frame, rays, &mut list, scratch);
     }
 }
 
@@ -219,38 +313,62 @@ impl<S: Simd, Q: OfRay, const W: usize> Part<S> for OwnHits<'_, Q, W> {
     }
 }
 
+/// Rays that go one by one, so many of each class; something may be known of them.
+struct OneByOne<'a, L, const KNOWN: bool, const W: usize> {
+    wide: &'a Wide<W>,
+    frame: &'a Frame,
+    rays: &'a RayColumns<'a>,
+    range: Range<usize>,
+    classes: &'a [(usize, u64)],
+    list: &'a mut L,
+    scratch: &'a mut BundleScratch,
+}
+
+impl<S: Simd, L: List, const KNOWN: bool, const W: usize> Part<S> for OneByOne<'_, L, KNOWN, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        let Self { wide, frame, rays, range, classes, list, scratch } = self;
+        let before = scratch.single.steps;
+        // They share the blockers of the first.
+        let known = &mut scratch.classes[classes[0].0];
+        known.blockers.steps = known.steps(1);
+        let (places, shared) = (list.places(), Some(&mut known.blockers));
+        let rays = Rays::<_, KNOWN> { columns: rays, range, places, shared };
+        wide.each(simd, frame, L::OfRay::default(), rays, &mut scratch.single);
+        scratch.count_alone(before, classes);
+    }
+}
+
 impl<const W: usize> Wide<W> {
     #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "rays, what they are traced with, and where the answers go"
-    )]
     fn bundle<S: Simd, L: List>(
         &self,
         simd: S,
         frame: &Frame,
         rays: &RayColumns<'_>,
-        range: Range<usize>,
-        class: usize,
-        mut list: L,
+        group: &Group,
+        list: &mut L,
         scratch: &mut BundleScratch,
     ) {
-        let class = class % N_CLASSES;
-        let Range { start: mut first, end } = range;
+        let class = group.class % N_CLASSES;
+        let Range { start: mut first, end } = group.range;
         if !self.few.suit_cones() {
             if self.few.replace_tree() {
-                self.alone(simd, frame, rays, first..end, false, class, &mut list, scratch);
+                self.alone(simd, frame, rays, first..end, false, class, list, scratch);
             } else {
-                self.tiles(simd, frame, rays, first..end, class, &mut list, scratch);
+                self.tiles(simd, frame, rays, first..end, class, list, scratch);
             }
             return;
         }
         while first < end {
-            first += self.blocks(simd, rays, first..end, class, &mut list, scratch);
-            let block = first..end.min(first + BLOCK);
+            let block = first..first + self.blocks(simd, rays, first..end, class, list, scratch);
+            scratch.write_part(&block, scratch.written);
+            let block = block.end..end.min(block.end + BLOCK);
             first = block.end;
             if !block.is_empty() {
-                self.tiles(simd, frame, rays, block, class, &mut list, scratch);
+                self.tiles(simd, frame, rays, block, class, list, scratch);
             }
         }
     }
@@ -272,8 +390,9 @@ impl<const W: usize> Wide<W> {
         let n = done.rays as u64;
         scratch.single.steps.leaves += n;
         scratch.single.primitive_tests += done.tests;
-        scratch.bundled.tiles += done.in_cones;
-        scratch.bundled.alone += n - done.in_cones;
+        let bundled = &mut scratch.classes[class].bundled;
+        bundled.tiles += done.in_cones;
+        bundled.alone += n - done.in_cones;
         done.rays
     }
 
@@ -290,43 +409,57 @@ impl<const W: usize> Wide<W> {
         list: &mut L,
         scratch: &mut BundleScratch,
     ) {
+        for first in range.clone().step_by(W * W) {
+            let tile = first..range.end.min(first + W * W);
+            self.by_stages(simd, frame, rays, &tile, class, list, scratch);
+            scratch.write_part(&tile, scratch.written);
+        }
+    }
+
+    /// The rays of a tile: together, in packets, or one by one.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "as above")]
+    fn by_stages<S: Simd, L: List>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        range: &Range<usize>,
+        class: usize,
+        list: &mut L,
+        scratch: &mut BundleScratch,
+    ) {
+        let place @ (_, len) = (range.start, range.len());
+        let met = self.own_hits(simd, rays, place, list, scratch);
+        let at_once = if L::ANY { met.unwrap_or(0) } else { 0 };
+        let is_known = met.is_some();
+        let known = &mut scratch.classes[class];
+        if at_once == len {
+            known.bundled.alone += len as u64;
+            known.bundled.at_once += len as u64;
+            return;
+        }
         let suits = self.shapes.suits_packets();
-        let mut first = range.start;
-        while first < range.end {
-            let len = (range.end - first).min(W * W);
-            let place = (first, len);
-            first += len;
-            let met = self.own_hits(simd, rays, place, list, scratch);
-            let at_once = if L::ANY { met.unwrap_or(0) } else { 0 };
-            if at_once == len {
-                scratch.bundled.alone += len as u64;
-                scratch.bundled.at_once += len as u64;
-                continue;
+        let packets = len.div_ceil(W);
+        if suits && len > W && known.misses.is_due() {
+            let range = range.clone();
+            let Scratch { stack, steps, .. } = &mut scratch.single;
+            let is_missed = simd.outline(Misses { tree: &self.tree, frame, rays, range, stack, steps });
+            let [spent, saved] = MISS_STEPS;
+            known.misses.end_within(spent, if is_missed { saved } else { 0 }, LONGEST_MISS_WAIT);
+            if is_missed {
+                known.bundled.tiles += len as u64;
+                return;
             }
-            let is_known = met.is_some();
-            let known = &mut scratch.classes[class];
-            let packets = len.div_ceil(W);
-            if suits && len > W && known.misses.is_due() {
-                let range = place.0..place.0 + len;
-                let Scratch { stack, steps, .. } = &mut scratch.single;
-                let is_missed = simd.outline(Misses { tree: &self.tree, frame, rays, range, stack, steps });
-                let [spent, saved] = MISS_STEPS;
-                known.misses.end_within(spent, if is_missed { saved } else { 0 }, LONGEST_MISS_WAIT);
-                if is_missed {
-                    scratch.bundled.tiles += len as u64;
-                    continue;
-                }
-            }
-            if suits && len > W && known.wants_tile() {
-                self.tile(simd, frame, rays, place, is_known, class, list, scratch);
-            } else if suits && len >= LEAST_PACKET && known.packets.is_due_within(packets) {
-                self.packets(simd, frame, rays, place, is_known, class, list, scratch);
-            } else {
-                known.packets.pass(packets);
-                scratch.bundled.at_once += at_once as u64;
-                let range = place.0..place.0 + len;
-                self.alone(simd, frame, rays, range, is_known, class, list, scratch);
-            }
+        }
+        if suits && len > W && known.wants_tile() {
+            self.tile(simd, frame, rays, place, is_known, class, list, scratch);
+        } else if suits && len >= LEAST_PACKET && known.packets.is_due_within(packets) {
+            self.packets(simd, frame, rays, place, is_known, class, list, scratch);
+        } else {
+            known.packets.pass(packets);
+            known.bundled.at_once += at_once as u64;
+            self.alone(simd, frame, rays, range.clone(), is_known, class, list, scratch);
         }
     }
 
@@ -351,7 +484,7 @@ impl<const W: usize> Wide<W> {
         Some(simd.outline(OwnHits { shapes: &self.shapes, question, rays, first, places, tests }))
     }
 
-    /// Rays one by one; something may be known of them.
+    /// Rays one by one; something may be known of them. If not, they wait for those that stand behind them.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "as above")]
     fn alone<S: Simd, L: List>(
@@ -366,25 +499,47 @@ impl<const W: usize> Wide<W> {
         scratch: &mut BundleScratch,
     ) {
         let n = range.len() as u64;
-        let before = scratch.single.steps;
-        let known = &mut scratch.classes[class];
-        known.blockers.steps = known.steps(1);
-        let shared = Some(&mut known.blockers);
-        let (question, places) = (L::OfRay::default(), list.places());
         if is_known {
-            let rays = Rays::<_, true> { columns: rays, range, places, shared };
-            self.each(simd, frame, question, rays, &mut scratch.single);
-        } else {
-            let rays = Rays::<_, false> { columns: rays, range, places, shared };
-            self.each(simd, frame, question, rays, &mut scratch.single);
+            let classes = &[(class, n)];
+            simd.outline(OneByOne::<_, true, W> { wide: self, frame, rays, range, classes, list, scratch });
+            return;
         }
-        let answered = std::mem::take(&mut scratch.classes[class].blockers.answered);
-        let n = n - scratch.count_blocked(class, (answered, None));
-        let after = scratch.single.steps;
-        let (steps, alone) = &mut scratch.classes[class].alone;
-        *steps += after.nodes + after.leaves - before.nodes - before.leaves;
-        *alone += n;
-        scratch.bundled.alone += n;
+        if scratch.waiting.range.end != range.start {
+            self.go_on(simd, frame, rays, list, scratch);
+        }
+        let Waiting { range: waiting, classes } = &mut scratch.waiting;
+        if classes.is_empty() {
+            waiting.start = range.start;
+        }
+        waiting.end = range.end;
+        match classes.last_mut() {
+            Some((last, rays)) if *last == class => *rays += n,
+            _ => classes.push((class, n)),
+        }
+    }
+
+    /// The rays that have waited go one by one.
+    #[inline(always)]
+    fn go_on<S: Simd, L: List>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        rays: &RayColumns<'_>,
+        list: &mut L,
+        scratch: &mut BundleScratch,
+    ) {
+        let range = std::mem::replace(&mut scratch.waiting.range, 0..0);
+        if range.is_empty() {
+            return;
+        }
+        let mut classes = std::mem::take(&mut scratch.waiting.classes);
+        let before = scratch.spent();
+        let (wide, waited) = (self, range.clone());
+        let one_by_one = OneByOne { wide, frame, rays, range, classes: &classes, list, scratch };
+        simd.outline::<OneByOne<'_, _, false, W>>(one_by_one);
+        scratch.write_part(&waited, before);
+        classes.clear();
+        scratch.waiting.classes = classes;
     }
 
     /// Up to `W` packets: under one shaft, then each under its own, then ray by ray.
@@ -441,7 +596,8 @@ impl<const W: usize> Wide<W> {
         scratch.classes[class].tiles.end(spent, if is_done { worth } else { 0 });
         if is_done {
             for (packet, asked) in packets.iter().zip(asked) {
-                scratch.bundled.tiles += packet.len as u64 - scratch.count_blocked(class, asked.blocked());
+                let blocked = scratch.count_blocked(class, asked.blocked());
+                scratch.classes[class].bundled.tiles += packet.len as u64 - blocked;
                 list.answer(simd, &exact, packet, asked);
             }
             return;
@@ -534,11 +690,11 @@ impl<const W: usize> Wide<W> {
         let blocked = scratch.count_blocked(class, asked.blocked());
         list.answer(simd, exact, packet, asked);
         if is_done {
-            scratch.bundled.packets += packet.len as u64 - blocked;
+            scratch.classes[class].bundled.packets += packet.len as u64 - blocked;
         } else {
             let range = packet.first..packet.first + packet.len;
             self.alone(simd, exact.frame, exact.rays, range, true, class, list, scratch);
-            scratch.bundled.alone -= blocked;
+            scratch.classes[class].bundled.alone -= blocked;
         }
     }
 }

@@ -267,9 +267,11 @@ impl<S: Simd, C: Content, Q: OfRay, const KNOWN: bool, const W: usize> Part<S> f
                 blocked = shared.ask(simd, &wide.shapes, &prepared, left, open, tests);
                 open &= !blocked;
             }
-            scratch.steps.nodes += if Q::BLOCKED.is_some() && C::FACES {
+            // Of eight rays too few go on to the same nodes.
+            let second = Q::BLOCKED.is_some() && W > 8;
+            scratch.steps.nodes += if second && C::FACES {
                 entrance.begin::<S, true, true>(simd, &wide.tree, &prepared, &ends, open)
-            } else if Q::BLOCKED.is_some() {
+            } else if second {
                 entrance.begin::<S, true, false>(simd, &wide.tree, &prepared, &ends, open)
             } else {
                 entrance.begin::<S, false, false>(simd, &wide.tree, &prepared, &ends, open)

@@ -60,7 +60,7 @@ pub use axes::{AXIS_MARGIN, REACH_MARGIN};
 pub use batch::Query;
 pub use beam::SHAFT_MARGIN;
 pub use boxes::BoxHierarchy;
-pub use bundle::{BundleScratch, Bundled};
+pub use bundle::{BundleScratch, Bundled, Group, PartOfList, Spent};
 pub use cells::PLACE_MARGIN;
 pub use columns::{HitOrNone, Left, RayColumns};
 pub use cone::{CONE_MARGIN, COSINE_MARGIN};

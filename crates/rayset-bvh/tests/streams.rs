@@ -6,7 +6,7 @@ mod truth;
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use rayset_bvh::{Hierarchy, HitOrNone, Left, Query};
+use rayset_bvh::{Group, Hierarchy, HitOrNone, Left, Query};
 use rayset_geometry::glam::{DVec3, dvec3};
 use rayset_geometry::{Primitive, Ray, Side, Sides, Span, Sphere, Triangle};
 use rayset_simd::Backend;
@@ -192,9 +192,10 @@ fn what_lies_farthest_is_looked_at_first() {
                 (0..len).for_each(|_| list.push(&ray, span, from));
                 let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
                 let (mut occluded, mut scratch) = (vec![false; len], hierarchy.bundle_scratch());
-                hierarchy.occluded_bundle(&list.columns(&left), 0..len, 0, &mut occluded, &mut scratch);
+                let group = [Group { range: 0..len, class: 0 }];
+                hierarchy.occluded_bundle(&list.columns(&left), &group, &mut occluded, &mut scratch);
                 assert_eq!((occluded, scratch.single.steps.leaves), (vec![true; len], 1), "{backend}");
-                assert_eq!(scratch.bundled.tiles, len as u64, "{backend}");
+                assert_eq!(scratch.take_bundled(0).tiles, len as u64, "{backend}");
             }
         }
     }

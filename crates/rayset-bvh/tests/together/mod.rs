@@ -1,6 +1,10 @@
 //! Lists of rays, and how those that are traced together are held against a loop over all primitives.
 
-use rayset_bvh::{Bundled, Hierarchy, Hit, HitOrNone, Left, Query, RayColumns};
+use std::ops::Range;
+
+use rayset_bvh::{
+    BundleScratch, Bundled, Group, Hierarchy, Hit, HitOrNone, Left, PartOfList, Query, RayColumns, Spent,
+};
 use rayset_geometry::glam::dvec3;
 use rayset_geometry::{Primitive, Ray, Side, Sides, Span};
 use rayset_simd::Backend;
@@ -49,18 +53,41 @@ fn cut(n: usize) -> usize {
     2 * n / 3
 }
 
+/// Most rays as one group, and the last in short ones of two classes.
+fn groups(range: &Range<usize>, class: usize) -> Vec<Group> {
+    let middle = range.start + range.len() * 3 / 4;
+    let mut groups = vec![Group { range: range.start..middle, class }];
+    let short = (middle..range.end).step_by(5).enumerate();
+    groups.extend(
+        short.map(|(i, first)| Group { range: first..range.end.min(first + 5), class: class + i / 2 % 2 }),
+    );
+    groups
+}
+
 fn together(hierarchy: &Hierarchy, list: &List) -> (Vec<Option<Hit>>, Vec<bool>, Bundled) {
     let left: Vec<_> = list.left.iter().map(|&left| Left::from(left)).collect();
     let rays = list.columns(&left);
     let n = list.left.len();
     // What stands in the places before does not matter.
     let something = HitOrNone { t: 0.0, primitive: 0 };
-    let (mut hits, mut occluded) = (vec![something; n], vec![true; n]);
-    let mut scratch = hierarchy.bundle_scratch();
-    for range in [0..cut(n), cut(n)..n] {
-        hierarchy.nearest_bundle(&rays, range.clone(), 0, &mut hits, &mut scratch);
-        hierarchy.occluded_bundle(&rays, range, 1, &mut occluded, &mut scratch);
+    let answer = |parts: Option<Vec<PartOfList>>| {
+        let (mut hits, mut occluded) = (vec![something; n], vec![true; n]);
+        let mut scratch = hierarchy.bundle_scratch();
+        scratch.parts = parts;
+        for range in [0..cut(n), cut(n)..n] {
+            hierarchy.nearest_bundle(&rays, &groups(&range, 0), &mut hits, &mut scratch);
+            hierarchy.occluded_bundle(&rays, &groups(&range, 10), &mut occluded, &mut scratch);
+        }
+        (hits, occluded, scratch)
+    };
+    let (hits, occluded, mut scratch) = answer(None);
+    check_parts(n, answer(Some(Vec::new())), (&hits, &occluded, &scratch));
+    let mut bundled = Bundled::default();
+    for class in [0, 1, 10, 11] {
+        bundled += scratch.take_bundled(class);
+        assert_eq!(scratch.take_bundled(class), Bundled::default(), "they were taken");
     }
+    assert_eq!(bundled.tiles + bundled.packets + bundled.blockers + bundled.alone, 2 * n as u64);
     let (mut each_hits, mut each_occluded) = (vec![something; n], vec![true; n]);
     hierarchy.nearest_each(&rays, &mut each_hits, &mut scratch.single);
     hierarchy.occluded_each(&rays, &mut each_occluded, &mut scratch.single);
@@ -68,7 +95,26 @@ fn together(hierarchy: &Hierarchy, list: &List) -> (Vec<Option<Hit>>, Vec<bool>,
         assert_eq!(each_hits[i], hits[i], "ray {i} one by one as together");
         assert_eq!(each_occluded[i], occluded[i], "ray {i} one by one as together");
     }
-    (hits.iter().map(|hit| hit.get()).collect(), occluded, scratch.bundled)
+    (hits.iter().map(|hit| hit.get()).collect(), occluded, bundled)
+}
+
+/// Writing down what parts of a list took changes nothing; together they took all, and no ray is left out.
+fn check_parts(
+    n: usize,
+    (hits, occluded, scratch): (Vec<HitOrNone>, Vec<bool>, BundleScratch),
+    expected: (&[HitOrNone], &[bool], &BundleScratch),
+) {
+    assert_eq!((&hits[..], &occluded[..]), (expected.0, expected.1));
+    let (single, expected) = (&scratch.single, &expected.2.single);
+    assert_eq!((single.steps, single.primitive_tests), (expected.steps, expected.primitive_tests));
+    let (mut spent, mut asked) = (Spent::default(), vec![0; n]);
+    for part in scratch.parts.expect("it was asked for") {
+        spent.nodes += part.spent.nodes;
+        spent.primitive_tests += part.spent.primitive_tests;
+        asked[part.range].iter_mut().for_each(|asked| *asked += 1);
+    }
+    assert_eq!(spent, Spent { nodes: single.steps.nodes, primitive_tests: single.primitive_tests });
+    assert!(asked.iter().all(|&asked| asked >= 2), "each asked both questions");
 }
 
 /// Compares with a loop; returns how many rays were answered under shafts.
@@ -90,11 +136,7 @@ pub(crate) fn check_stages(primitives: &[(Primitive, Sides)], list: &List) -> Bu
     for &backend in Backend::available() {
         let hierarchy = Hierarchy::over(&columns, &items, backend);
         let (hits, occluded, bundled) = together(&hierarchy, list);
-        stages.tiles += bundled.tiles;
-        stages.packets += bundled.packets;
-        stages.blockers += bundled.blockers;
-        stages.alone += bundled.alone;
-        stages.at_once += bundled.at_once;
+        stages += bundled;
         assert!(bundled.at_once <= bundled.alone, "those are of these");
         for (i, expected) in expected.iter().enumerate() {
             let (ray, left) = (list.ray(i), list.left[i]);

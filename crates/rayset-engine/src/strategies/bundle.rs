@@ -7,7 +7,7 @@
 //!
 //! Source: Reshetov, Soupikov and Hurley 2005, "Multi-level ray tracing algorithm".
 
-use rayset_bvh::{BundleScratch, Bundled, Hierarchy, HitOrNone};
+use rayset_bvh::{BundleScratch, Bundled, Group, Hierarchy, HitOrNone, PartOfList, Spent};
 use rayset_scene::{LightId, ObjectId, Scene};
 use rayset_simd::Backend;
 
@@ -81,6 +81,7 @@ pub(super) struct BundleTracer<'s> {
     hierarchy: &'s Hierarchy,
     objects: &'s [ObjectId],
     scratch: BundleScratch,
+    groups: Vec<Group>,
     hits: Vec<HitOrNone>,
     recording: Recording,
     stats: Stats,
@@ -93,8 +94,10 @@ const CLASSES: usize = 32;
 
 impl<'s> BundleTracer<'s> {
     pub(super) fn new(hierarchy: &'s Hierarchy, objects: &'s [ObjectId], recording: Recording) -> Self {
-        let (scratch, hits) = (hierarchy.bundle_scratch(), Vec::new());
-        Self { hierarchy, objects, scratch, hits, recording, stats: Stats::default(), at_once: 0 }
+        let mut scratch = hierarchy.bundle_scratch();
+        scratch.parts = (recording == Recording::PerQuery).then(Vec::new);
+        let (groups, hits, stats) = (Vec::new(), Vec::new(), Stats::default());
+        Self { hierarchy, objects, scratch, groups, hits, recording, stats, at_once: 0 }
     }
 
     /// How many rays were answered together so far, and how many by themselves that had to look for their answer.
@@ -105,57 +108,50 @@ impl<'s> BundleTracer<'s> {
         (together, alone - self.at_once)
     }
 
-    /// Takes over what the hierarchy has counted; returns what is new.
-    fn count(&mut self, kind: RayKind) -> Work {
-        let before = self.stats.work;
-        let Bundled { tiles, packets, blockers, alone, at_once } = std::mem::take(&mut self.scratch.bundled);
+    /// Takes over how the rays of a class were answered.
+    fn count(&mut self, class: usize, kind: RayKind) {
+        let Bundled { tiles, packets, blockers, alone, at_once } = self.scratch.take_bundled(class);
         self.at_once += at_once;
         self.stats.stages[kind] += StageCounts { tiles, packets, blockers, alone };
-        self.stats.work.boxes_tested = self.scratch.single.steps.nodes * self.hierarchy.lanes() as u64;
-        self.stats.work.primitive_tests = self.scratch.single.primitive_tests;
-        self.stats.work - before
     }
 
-    /// Answers the rays of a generation, group by group.
-    fn answer(&mut self, generation: &Generation, mut places: Places<'_>, work: &mut Vec<QueryWork>) {
+    /// Answers the rays of a generation, those that correspond as one group.
+    fn answer(&mut self, generation: &Generation, places: Places<'_>, work: &mut Vec<QueryWork>) {
         let rays = columns_of(generation);
-        // Tile by tile where their work is asked for.
-        let step = if self.recording == Recording::Off { usize::MAX } else { self.hierarchy.tile_len() };
         let slots = generation.slots();
-        let before = work.len();
-        if self.recording == Recording::PerQuery {
-            work.resize(before + generation.len(), QueryWork::default());
-        }
+        self.groups.clear();
         let mut first = 0;
         while first < slots.len() {
-            let end = first + places.group(slots, first);
-            let class = slots[first].0 as usize % CLASSES;
-            let kind = match places {
-                Places::Hits(_) => slots[first].kind(),
-                Places::Occluded(..) => RayKind::Shadow,
-            };
-            while first < end {
-                let range = first..first + step.min(end - first);
-                first = range.end;
-                let Self { hierarchy, scratch, .. } = self;
-                match &mut places {
-                    Places::Hits(hits) => {
-                        hierarchy.nearest_bundle(&rays, range.clone(), class, hits, scratch);
-                    }
-                    Places::Occluded(occluded, _) => {
-                        hierarchy.occluded_bundle(&rays, range.clone(), CLASSES + class, occluded, scratch);
-                    }
-                }
-                let new = self.count(kind);
-                if self.recording == Recording::PerQuery {
-                    record(&mut work[before..][range], new);
-                }
+            let range = first..first + places.group(slots, first);
+            first = range.end;
+            let class = places.class(slots[range.start]);
+            self.groups.push(Group { range, class });
+        }
+        let are_shadow = matches!(places, Places::Occluded(..));
+        let Self { hierarchy, scratch, groups, .. } = self;
+        match places {
+            Places::Hits(hits) => hierarchy.nearest_bundle(&rays, groups, hits, scratch),
+            Places::Occluded(occluded, _) => hierarchy.occluded_bundle(&rays, groups, occluded, scratch),
+        }
+        for i in 0..self.groups.len() {
+            let Group { range, class } = &self.groups[i];
+            let kind = if are_shadow { RayKind::Shadow } else { slots[range.start].kind() };
+            self.count(*class, kind);
+        }
+        self.stats.work.boxes_tested = self.scratch.single.steps.nodes * self.hierarchy.lanes() as u64;
+        self.stats.work.primitive_tests = self.scratch.single.primitive_tests;
+        if let Some(parts) = &mut self.scratch.parts {
+            let before = work.len();
+            work.resize(before + generation.len(), QueryWork::default());
+            for PartOfList { range, spent: Spent { nodes, primitive_tests } } in parts.drain(..) {
+                let boxes_tested = nodes * self.hierarchy.lanes() as u64;
+                record(&mut work[before..][range], Work { boxes_tested, primitive_tests, ..Work::default() });
             }
         }
     }
 }
 
-/// Shares out work evenly; what is left over goes to the first rays.
+/// Adds work to that of some rays, evenly; what is left over goes to the first.
 fn record(column: &mut [QueryWork], work: Work) {
     let n = column.len() as u64;
     for (place, query) in (0..).zip(column) {
@@ -163,7 +159,7 @@ fn record(column: &mut [QueryWork], work: Work) {
         for (_, count) in share.counts_mut() {
             *count = *count / n + u64::from(place < *count % n);
         }
-        query.work = share;
+        query.work += share;
     }
 }
 
@@ -181,6 +177,15 @@ impl Places<'_> {
         match self {
             Self::Hits(_) => n,
             Self::Occluded(_, lights) => run_len(&lights[first..first + n]),
+        }
+    }
+
+    /// The class of the rays of a slot.
+    fn class(&self, slot: Slot) -> usize {
+        let class = slot.0 as usize % CLASSES;
+        match self {
+            Self::Hits(_) => class,
+            Self::Occluded(..) => CLASSES + class,
         }
     }
 }
